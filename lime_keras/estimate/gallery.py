@@ -9,12 +9,13 @@ import csv
 import html
 import io
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from string import Template
 from typing import Any
 from urllib.parse import quote
 
+from lime_keras.estimate import preview
 from lime_keras.io import atomic, result_json, untrusted
 from lime_keras.material import srgb_hex
 from lime_keras.optics import gloss
@@ -79,8 +80,9 @@ def update(out: Path, contents: Mapping[str, Mapping[str, Any]]) -> None:
         if content is None:
             continue
         with untrusted.naming(out / path, "a result"):
-            own = list(_rows(path, content))
-            cards += [_card(row, content) for row in own]
+            scenes = content.get("scenes", [content])
+            own = [_row(path, content, scene) for scene in scenes]
+            cards += [_card(*one, content) for one in zip(own, scenes, strict=True)]
             # JSON may hold halves of characters, which no text does.
             "".join(str(cell) for row in own for cell in row.values()).encode()
             rows += own
@@ -103,24 +105,21 @@ def _listed(table: Path) -> list[str]:
         return [row["json"] for row in csv.DictReader(file) if row.get("json")]
 
 
-def _rows(path: str, content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a result: one of a photo, one of each scene of a video."""
-    source = content.get("photo", content.get("video"))
-    for scene in content.get("scenes", [content]):
-        diffuse = scene.get("diffuse_albedo")
-        row = {name: scene.get(name) for name in COLUMNS}
-        row |= {"json": path, "source": source, "colour": None}
-        row["warnings"] = " ".join(warning["code"] for warning in scene.get("warnings", ()))
-        if diffuse is not None:
-            row |= dict(zip(("diffuse_r", "diffuse_g", "diffuse_b"), diffuse, strict=True))
-            row["colour"] = srgb_hex(diffuse)
-        low, high = scene.get("exponent_interval", (None, None))
-        row |= {"exponent_low": low, "exponent_high": high}
-        yield row
+def _row(path: str, content: Mapping[str, Any], scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the row of a photo's result, or of a scene of a video's."""
+    diffuse = scene.get("diffuse_albedo")
+    row = {name: scene.get(name) for name in COLUMNS}
+    row |= {"json": path, "source": content.get("photo", content.get("video")), "colour": None}
+    row["warnings"] = " ".join(warning["code"] for warning in scene.get("warnings", ()))
+    if diffuse is not None:
+        row |= dict(zip(("diffuse_r", "diffuse_g", "diffuse_b"), diffuse, strict=True))
+        row["colour"] = srgb_hex(diffuse)
+    low, high = scene.get("exponent_interval", (None, None))
+    return row | {"exponent_low": low, "exponent_high": high}
 
 
-def _card(row: dict[str, Any], content: Mapping[str, Any]) -> str:
-    """Return the HTML of one result, with the keys to sort it by."""
+def _card(row: dict[str, Any], scene: Mapping[str, Any], content: Mapping[str, Any]) -> str:
+    """Return the HTML of a row, with the keys to sort it by."""
     folder, stem = Path(row["json"]).parent, Path(row["json"]).stem
     title = (folder / stem).as_posix() if folder.name != stem else folder.as_posix()
     files = content["files"]
@@ -139,7 +138,10 @@ def _card(row: dict[str, Any], content: Mapping[str, Any]) -> str:
     if "preview" in shown:
         address = _link(folder / shown["preview"])
         picture = f'<a class="picture" href="{address}"><img src="{address}" alt="preview"></a>'
-    lines = "".join(f"<li>{html.escape(line)}</li>" for line in _caption(row))
+    told = preview.caption(scene)
+    if row["warnings"]:
+        told.append(f"⚠ {row['warnings'].replace(' ', ', ')}")
+    lines = "".join(f"<li>{html.escape(line)}</li>" for line in told)
     swatch = f'<i style="background:{row["colour"]}"></i>' if row["colour"] else ""
     return (
         f"<article {data}>{picture}"
@@ -163,27 +165,6 @@ def _keys(row: dict[str, Any]) -> dict[str, float | str]:
     if row["mask_confidence"] is not None:
         keys["mask"] = row["mask_confidence"]
     return keys
-
-
-def _caption(row: dict[str, Any]) -> Iterator[str]:
-    """Yield the lines of a card."""
-    if row["gloss"] is not None:
-        yield row["gloss"]
-    numbers = []
-    if row["diffuse_r"] is not None:
-        red, green, blue = (row[f"diffuse_{channel}"] for channel in "rgb")
-        numbers.append(f"m_d {red:.2f} {green:.2f} {blue:.2f}  m_s {row['specular_albedo']:.2f}")
-    if row["exponent"] is not None:
-        ends = row["exponent_low"], row["exponent_high"]
-        numbers.append(gloss.numbers(row["exponent"], None if None in ends else ends))
-    if numbers:
-        yield "  ".join(numbers)
-    if row["mask_coverage"] is not None:
-        sure = row["mask_confidence"]
-        mask = f"mask {min(sure, 0.99):.0%} sure, " if sure is not None else ""
-        yield mask + (f"covers {row['mask_coverage']:.1%}" if row["mask_coverage"] else "no object")
-    if row["warnings"]:
-        yield f"⚠ {row['warnings'].replace(' ', ', ')}"
 
 
 def _link(path: Path) -> str:

@@ -2,6 +2,8 @@
 
 import functools
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -84,7 +86,7 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
         Picture `(h, 1000, 3)` float32, sRGB in [0, 1].
     """
     shown = tiles(image_srgb, material)
-    written = [(_INK, line) for line in caption(material)]
+    written = [(_INK, line) for line in caption(material.to_json())]
     for caution in material.warnings:
         written += [(_CAUTION, line) for line in _lines(caution.message)]
 
@@ -166,18 +168,20 @@ def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
     return inside & ~core
 
 
-def caption(material: Material) -> list[str]:
-    """Return the estimated numbers in lines of text: in words, in numbers, then the mask."""
-    words = [text for text in (material.gloss, material.diffuse_srgb_hex) if text is not None]
-    parts = []
-    if material.diffuse_albedo is not None:
-        red, green, blue = material.diffuse_albedo
-        parts += [f"m_d {red:.2f} {green:.2f} {blue:.2f}", f"m_s {material.specular_albedo:.2f}"]
-    if material.exponent is not None:
-        parts.append(gloss.numbers(material.exponent, material.exponent_interval))
-    mask = [f"covers {material.mask_coverage or 0:.1%}"]
-    if material.mask_confidence is not None:
-        mask.append(f"mask confidence {material.mask_confidence:.2f}")
+def caption(numbers: Mapping[str, Any]) -> list[str]:
+    """Return the numbers of `Material.to_json` in lines: in words, in numbers, then the mask."""
+    words = [numbers[name] for name in ("gloss", "diffuse_srgb_hex") if name in numbers]
+    parts, mask = [], []
+    if "diffuse_albedo" in numbers:
+        red, green, blue = numbers["diffuse_albedo"]
+        parts += [f"m_d {red:.2f} {green:.2f} {blue:.2f}", f"m_s {numbers['specular_albedo']:.2f}"]
+    if "exponent" in numbers:
+        parts.append(gloss.numbers(numbers["exponent"], numbers.get("exponent_interval")))
+    if "mask_coverage" in numbers:
+        covered = numbers["mask_coverage"]
+        mask.append(f"covers {covered:.1%}" if covered else "no object")
+    if "mask_confidence" in numbers:
+        mask.append(f"mask confidence {numbers['mask_confidence']:.2f}")
     return ["    ".join(line) for line in (words, parts, mask) if line]
 
 

@@ -145,12 +145,13 @@ def test_the_mask_is_outlined():
 
 
 def test_the_caption_leaves_out_what_is_not_known():
-    assert preview.caption(Material(mask_coverage=0.25)) == ["covers 25.0%"]
+    assert preview.caption({}) == [] and preview.caption({"mask_coverage": 0.0}) == ["no object"]
     whole = material([0.1, 0.2, 0.3], 0.5, 123.4, mask_coverage=0.5)
     words, first = "rather glossy (81 %)    #597c95", "m_d 0.10 0.20 0.30    m_s 0.50    s 123"
-    assert preview.caption(whole) == [words, first, "covers 50.0%"]
+    assert preview.caption(whole.to_json()) == [words, first, "covers 50.0%"]
     found = dataclasses.replace(
         whole, mask_confidence=0.914, exponent_bin_probabilities=np.full(8, 0.125)
     )
     first = "m_d 0.10 0.20 0.30    m_s 0.50    s 123 (2.0 to 501)"
-    assert preview.caption(found) == [words, first, "covers 50.0%    mask confidence 0.91"]
+    third = "covers 50.0%    mask confidence 0.91"
+    assert preview.caption(found.to_json()) == [words, first, third]
