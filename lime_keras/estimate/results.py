@@ -147,8 +147,8 @@ class Results:
         result = result_json.read(path)
         if result is None:
             raise ValueError(f"{path} is no result of lime-estimate: {_MEND}")
-        if differences := _differences(result["made"], provenance):
-            raise ValueError(f"{path} was made {' and '.join(differences)}: {_MEND}")
+        if differing := _differing(result["made"], provenance):
+            raise ValueError(f"{path} was made with another {', '.join(differing)}: {_MEND}")
         if provenance["source"] is None:
             raise ValueError(f"{path} was made of an earlier recording: {_MEND}")
         is_whole = all((path.parent / file).is_file() for file in result["files"])
@@ -254,29 +254,10 @@ def _digest_or_none(path: Path | None) -> str | None:
         return None
 
 
-def _differences(earlier: Mapping[str, Any], provenance: Mapping[str, Any]) -> list[str]:
-    """Return in words what a result was made of or with, where that is not `provenance`."""
-    differing = {
-        "source": "of another photo or video",
-        "weights": "with other weights",
-        "beside": "with another mask or other normals",
-        "version": f"by version {earlier.get('version')}",
-    }
-    words = [text for name, text in differing.items() if earlier.get(name) != provenance.get(name)]
+def _differing(earlier: Mapping[str, Any], provenance: Mapping[str, Any]) -> list[str]:
+    """Return the names of what a result was made with, where that is not `provenance`."""
+    words = {"beside": "mask or normals"}
+    parts = ("source", "weights", "beside", "version")
+    out = [words.get(name, name) for name in parts if earlier.get(name) != provenance.get(name)]
     then, now = (each.get("options") or {} for each in (earlier, provenance))
-    for name in sorted({*then, *now}):
-        if then.get(name) != now.get(name):
-            words.append(
-                f"with {_option(name, then.get(name))}, not {_option(name, now.get(name))}"
-            )
-    return words
-
-
-def _option(name: str, value: object) -> str:
-    """Return an option as it is written on the command line."""
-    if value is None:
-        return f"no --{name}"
-    if value is True:
-        return f"--{name}"
-    text = ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-    return f"--{name} {text}"
+    return out + [f"--{name}" for name in sorted({*then, *now}) if then.get(name) != now.get(name)]

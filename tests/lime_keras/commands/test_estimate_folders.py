@@ -131,12 +131,10 @@ def test_other_results_are_refused_before_anything_is_done(folder, tmp_path, cap
     capsys.readouterr()
     assert run(folder / "one" / "a.png", folder / "one" / "two", out=out) == 1
     told = capsys.readouterr()
-    assert (
-        "a.json was made of another photo or video: pass --overwrite" in told.err and not told.out
-    )
+    assert "a.json was made with another source: pass --overwrite" in told.err and not told.out
     assert numbers(out) == ["a.json"] and (out / "a.json").read_text() == before
     assert run(folder / "a.png", "--full-size", out=out) == 1
-    assert "a.json was made with no --full-size, not --full-size" in capsys.readouterr().err
+    assert "a.json was made with another --full-size: pass" in capsys.readouterr().err
     assert run(folder / "one" / "a.png", "--overwrite", out=out) == 0
     assert json.loads((out / "a.json").read_text())["photo"] == str(folder / "one" / "a.png")
 
@@ -153,7 +151,7 @@ def test_a_photo_replaced_while_it_is_estimated_is_not_taken_for_it(tmp_path, ca
     monkeypatch.setattr(Estimator, "estimate_many", slow)
     assert run(path, out=out) == 0
     assert run(path, out=out) == 1
-    assert "a.json was made of another photo or video" in capsys.readouterr().err
+    assert "a.json was made with another source" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_made_is_named(folder, tmp_path, monkeypatch, capsys):
@@ -234,7 +232,7 @@ def test_another_videos_result_is_refused(clip, tmp_path, capsys):
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     clips.write(clip, np.stack([live_scenes.ball(64, 64, radius=0.5)] * 5))
     assert estimate_video(clip, out) == 1
-    assert "clip.json was made of another photo or video" in capsys.readouterr().err
+    assert "clip.json was made with another source" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert estimate_video(clip, out, "--overwrite") == 0
 
