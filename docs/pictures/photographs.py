@@ -65,11 +65,12 @@ def _page(folder: Path, names: list[str]) -> Image.Image:
 def _tiles(folder: Path, name: str) -> list[Image.Image]:
     content = json.loads((folder / f"{name}.json").read_text())
     with Image.open(folder / f"{name}-preview.png") as sheet:
-        pictures = preview.pictures_of(sheet.convert("RGB"), 1 + max(SHOWN))
+        corners = map(preview.place, SHOWN)
+        pictures = [sheet.crop((x, y, x + preview.TILE, y + preview.TILE)) for x, y in corners]
     square = Square(*content["square"])
     box = (square.left, square.top, square.left + square.side, square.top + square.side)
     with Image.open(folder / f"{name}-clone.png") as clone:
-        return [*(pictures[place] for place in SHOWN), clone.convert("RGB").crop(box)]
+        return [*pictures, clone.convert("RGB").crop(box)]
 
 
 def _numbers(folder: Path, name: str) -> str:

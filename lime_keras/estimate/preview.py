@@ -15,9 +15,10 @@ from lime_keras.optics import colour, gloss, studio_light
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.reflectance_map import disc, sphere_shading
 
-_TILE, _COLUMNS = 320, 3
+TILE = 320  # height and width of a picture on a page, in pixels
+_COLUMNS = 3
 _MARGIN, _TITLE = 10, 26
-_WIDTH = _MARGIN + _COLUMNS * (_TILE + _MARGIN)
+_WIDTH = _MARGIN + _COLUMNS * (TILE + _MARGIN)
 """Width of a page: it is read on a screen of 1,000 pixels without being made smaller."""
 _ROOM = 14  # pixels around the sphere in its tile
 _PAPER, _INK = (250, 250, 251), (29, 36, 48)
@@ -91,12 +92,12 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
         written += [(_CAUTION, line) for line in _lines(caution.message)]
 
     # The tiles, row by row, each below its title.
-    below = _MARGIN + math.ceil(len(shown) / _COLUMNS) * (_TITLE + _TILE)
+    below = _MARGIN + math.ceil(len(shown) / _COLUMNS) * (_TITLE + TILE)
     height = below + _MARGIN + len(written) * _LINE + _MARGIN
     page = Image.new("RGB", (_WIDTH, height), _PAPER)
     pen = ImageDraw.Draw(page)
     for index, (title, tile) in enumerate(shown.items()):
-        left, top = _place(index)
+        left, top = place(index)
         pen.text((left, top - _TITLE + 4), title, fill=_INK, font=_font())
         levels = np.round(np.clip(tile, 0, 1) * 255).astype(np.uint8)
         page.paste(Image.fromarray(levels), (left, top))
@@ -107,10 +108,10 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     return np.asarray(page, np.float32) / 255
 
 
-def _place(index: int) -> tuple[int, int]:
+def place(index: int) -> tuple[int, int]:
     """Return the left column and the top row of a tile on a page."""
     row, column = divmod(index, _COLUMNS)
-    return _MARGIN + column * (_TILE + _MARGIN), _MARGIN + row * (_TITLE + _TILE) + _TITLE
+    return _MARGIN + column * (TILE + _MARGIN), _MARGIN + row * (_TITLE + TILE) + _TITLE
 
 
 def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
@@ -127,7 +128,7 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
     """
     height, width = image_srgb.shape[:2]
     square = Square(*material.square) if material.square else framing.whole(height, width)
-    inside, paper = framing.inside(square, height, width, _TILE), np.array(_PAPER, np.float32) / 255
+    inside, paper = framing.inside(square, height, width, TILE), np.array(_PAPER, np.float32) / 255
     edge = rim(_crop(material.layers["mask"], square)[..., 0] >= framing.THRESHOLD)
     photo = np.where(edge[..., None], _OUTLINE, _crop(image_srgb, square, is_photo=True))
     shown = {_TITLES["photo"]: np.where(inside, photo, paper)}
@@ -142,20 +143,8 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
     if "reflectance_map" in material.layers:
         tile = colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
         tile = tile.astype(np.float32)
-        shown["reflectance map"] = framing.cut(tile, framing.whole(*tile.shape[:2]), _TILE)
+        shown["reflectance map"] = framing.cut(tile, framing.whole(*tile.shape[:2]), TILE)
     return shown
-
-
-def pictures_of(page: Image.Image, count: int) -> list[Image.Image]:
-    """Return the first pictures on a page of `sheet`, in the order of `tiles`.
-
-    Raises:
-        ValueError: if the page is none of `sheet`'s, such as one of an earlier version.
-    """
-    if page.width != _WIDTH:
-        raise ValueError(f"a preview is {_WIDTH} pixels wide, got {page.width}: estimate anew")
-    corners = map(_place, range(count))
-    return [page.crop((left, top, left + _TILE, top + _TILE)) for left, top in corners]
 
 
 def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
@@ -187,8 +176,8 @@ def caption(numbers: Mapping[str, Any]) -> list[str]:
 
 def _sphere_tile(material: Material) -> np.ndarray:
     """Return a sphere of the material with some of its background around it, as a tile."""
-    tile = np.full((_TILE, _TILE, 3), colour.linear_to_srgb(_BACKGROUND), np.float32)
-    tile[_ROOM:-_ROOM, _ROOM:-_ROOM] = sphere(material, _TILE - 2 * _ROOM)
+    tile = np.full((TILE, TILE, 3), colour.linear_to_srgb(_BACKGROUND), np.float32)
+    tile[_ROOM:-_ROOM, _ROOM:-_ROOM] = sphere(material, TILE - 2 * _ROOM)
     return tile
 
 
@@ -198,15 +187,15 @@ def _crop(image: np.ndarray, square: Square, *, is_photo: bool = False) -> np.nd
     Pillow takes a fifth of the time of `framing.cut`, and rounds otherwise.
     """
     # Of a large image, every n-th pixel: at least two are left per pixel of the tile.
-    step = max(1, square.side // (2 * _TILE))
+    step = max(1, square.side // (2 * TILE))
     image, square = image[::step, ::step], Square(*(edge // step for edge in square))
     inside, outside = framing.overlap(square, *image.shape[:2])
     part = colour.srgb_to_linear(image[outside]) if is_photo else image[outside]
     beyond = [(edge.start, square.side - edge.stop) for edge in inside]
     padded = np.pad(part, [*beyond, (0, 0)], mode="edge" if is_photo else "constant")
-    how = Image.Resampling.BOX if square.side > _TILE else Image.Resampling.BILINEAR
+    how = Image.Resampling.BOX if square.side > TILE else Image.Resampling.BILINEAR
     planes = np.ascontiguousarray(np.moveaxis(padded, -1, 0), np.float32)
-    resized = [Image.fromarray(plane).resize((_TILE, _TILE), how) for plane in planes]
+    resized = [Image.fromarray(plane).resize((TILE, TILE), how) for plane in planes]
     tile = np.stack([np.asarray(plane) for plane in resized], axis=-1)
     return colour.linear_to_srgb(tile) if is_photo else tile
 
