@@ -12,8 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras.live import static
-
 _START = """
 async ({ frames, width, height, options }) => {
   const { createEngine } = await import("./engine.js");
@@ -79,11 +77,12 @@ def _program() -> str | None:
 @contextlib.contextmanager
 def _serving(site: Path) -> Iterator[str]:
     """Serve a folder with the headers that give WebAssembly threads; yield its address."""
+    headers = (site / "_headers").read_text(encoding="utf-8").splitlines()[1:]
 
     class Handler(http.server.SimpleHTTPRequestHandler):
         def end_headers(self) -> None:
-            for name, value in static.HEADERS.items():
-                self.send_header(name, value)
+            for header in headers:
+                self.send_header(*header.strip().split(": "))
             super().end_headers()
 
         def log_message(self, *_: object) -> None:

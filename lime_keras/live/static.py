@@ -42,15 +42,8 @@ _RUNTIME = {
 }
 """Files of each backend in the archive's folder `dist`."""
 _PAGE = Path(__file__).parent / "page"
-_SERVICE_WORKER = Path("browser") / "service_worker.js"
-HEADERS = {
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Embedder-Policy": "require-corp",
-}
-"""Headers with which a browser gives WebAssembly threads."""
 _DESCRIPTION = "engine.json"
 _PATIENCE = 60
-_LICENCE = "onnxruntime-LICENSE"
 
 
 def write(out: Path, run: Path, runtime: Mapping[str, bytes]) -> None:
@@ -70,16 +63,12 @@ def write(out: Path, run: Path, runtime: Mapping[str, bytes]) -> None:
     engine = onnx_graphs.load(run)
     with atomic.replacing(out) as partial:
         shutil.copytree(_PAGE, partial)
-        # A service worker serves the folder that it lies in.
-        (partial / _SERVICE_WORKER).rename(partial / _SERVICE_WORKER.name)
+        (partial / ".nojekyll").touch()  # else GitHub Pages leaves files out
         _add_preflight(partial / "index.html")
         (partial / "graphs").mkdir()
         names = page_graphs.write(partial / "graphs", engine.folder, engine.description)
-        (partial / "runtime").mkdir()
         for name, content in runtime.items():
             (partial / "runtime" / name).write_bytes(content)
-        (partial / _LICENCE).rename(partial / "runtime" / "LICENSE")
-        _write_headers(partial)
         about = {
             "engine": "browser",
             "version": __version__,
@@ -159,16 +148,6 @@ def _add_preflight(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     script = '<script src="browser/preflight.js"></script>\n</head>'
     page.write_text(text.replace("</head>", script, 1), encoding="utf-8")
-
-
-def _write_headers(folder: Path) -> None:
-    """Write `_headers` (Netlify, Cloudflare Pages), `vercel.json`, `.nojekyll` (GitHub Pages)."""
-    lines = ["/*", *(f"  {name}: {value}" for name, value in HEADERS.items())]
-    (folder / "_headers").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    rows = [{"key": name, "value": value} for name, value in HEADERS.items()]
-    rules = {"headers": [{"source": "/(.*)", "headers": rows}]}
-    (folder / "vercel.json").write_text(json.dumps(rules, indent=1) + "\n", encoding="utf-8")
-    (folder / ".nojekyll").touch()
 
 
 def _placed(folder: Path, backend: dict[str, str]) -> dict[str, str | int]:

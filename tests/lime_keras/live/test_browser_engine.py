@@ -8,13 +8,12 @@ import live_scenes
 import numpy as np
 import pytest
 import static_page
+from static_page import HEADERS
 
 from lime_keras.estimate.estimator import Estimator
-from lime_keras.live import static
 from lime_keras.live.session import FrameRequest, Session
 
 pytestmark = pytest.mark.slow
-HEADERS = tuple(static.HEADERS.items())
 
 ESTIMATE = """
 async ({ levels, masks, width, height, options }) => {

@@ -10,12 +10,11 @@ from pathlib import Path
 
 import pytest
 import static_page
+from static_page import HEADERS
 
 from lime_keras.live import static
 from lime_keras.model import folder as model_folder
 from lime_keras.version import __version__
-
-HEADERS = tuple(static.HEADERS.items())
 
 
 @pytest.fixture(scope="module")
