@@ -163,7 +163,9 @@ def caption(numbers: Mapping[str, Any]) -> list[str]:
     parts, mask = [], []
     if "diffuse_albedo" in numbers:
         red, green, blue = numbers["diffuse_albedo"]
-        parts += [f"m_d {red:.2f} {green:.2f} {blue:.2f}", f"m_s {numbers['specular_albedo']:.2f}"]
+        parts.append(f"m_d {red:.2f} {green:.2f} {blue:.2f}")
+    if "specular_albedo" in numbers:
+        parts.append(f"m_s {numbers['specular_albedo']:.2f}")
     if "exponent" in numbers:
         parts.append(gloss.numbers(numbers["exponent"], numbers.get("exponent_interval")))
     if "mask_coverage" in numbers:

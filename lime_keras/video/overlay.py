@@ -1,22 +1,16 @@
 """The overlay video: each frame with the object's outline, and a panel with its estimate."""
 
-import functools
-
-import av
 import numpy as np
-import OpenImageIO as oiio
+from PIL import Image, ImageDraw, ImageFont
 
 from lime_keras.estimate import framing, preview
 from lime_keras.material import Material
-from lime_keras.optics import colour
 
 _HEIGHT, _WIDEST = 480, 1280  # height, and largest width, of the shown frame in pixels
-_PANEL, _SPHERE = 280, 192
-_RAW, _FUSED, _SWATCH = 96, 186, (80, 34)
-"""Left edges of the panel's two columns; width and height of a swatch."""
-_PAPER, _INK, _FAINT, _OUTLINE = (24, 26, 30), (235, 235, 235), (150, 155, 165), (255, 225, 0)
-_ROWS = {"red": 132, "green": 154, "blue": 176, "specular": 204, "exponent": 232, "coverage": 260}
-"""Base line, in pixels from the top, of each of the panel's numbers."""
+_PANEL, _SPHERE, _MARGIN, _SWATCH = 380, 192, 12, 20
+_PAPER, _INK, _OUTLINE = (24, 26, 30), (235, 235, 235), (255, 225, 0)
+_TOPS = {"this frame": 44, "fused": 158}
+"""Rows at which the panel's two estimates begin."""
 
 
 def draw(
@@ -35,79 +29,33 @@ def draw(
     height, width, _ = image_srgb.shape
     scale = min(_HEIGHT / height, _WIDEST / width)
     shown = max(2, round(width * scale / 2) * 2), max(2, round(height * scale / 2) * 2)
-    picture = _resized(image_srgb, *shown)
+    canvas = Image.new("RGB", (shown[0] + _PANEL, _HEIGHT), _PAPER)
+    place = 0, (_HEIGHT - shown[1]) // 2
+    canvas.paste(Image.fromarray(image_srgb).resize(shown, Image.Resampling.BILINEAR), place)
     if "mask" in estimate.layers:
-        picture[_outline(estimate.layers["mask"], *shown)] = _OUTLINE
-    canvas = np.full((_HEIGHT, shown[0] + _PANEL, 3), _PAPER, np.uint8)
-    top = (_HEIGHT - shown[1]) // 2
-    canvas[top : top + shown[1], : shown[0]] = picture
-    canvas[:, shown[0] :] = panel(seconds, status, estimate, fused)
-    return canvas
+        mask = Image.fromarray(estimate.layers["mask"][..., 0] >= framing.THRESHOLD)
+        inside = np.asarray(mask.resize(shown, Image.Resampling.NEAREST))
+        canvas.paste(_OUTLINE, place, Image.fromarray(preview.rim(inside, 2)))
+    canvas.paste(Image.fromarray(panel(seconds, status, estimate, fused)), (shown[0], 0))
+    return np.array(canvas)
 
 
 def panel(seconds: float, status: str, estimate: Material, fused: Material) -> np.ndarray:
-    """Draw the panel with swatches, numbers and a sphere, `(480, 280, 3)` uint8 sRGB.
+    """Draw the panel with swatches, numbers and a sphere, `(480, 380, 3)` uint8 sRGB.
 
     The arguments are those of `draw`.
     """
-    pixels = _form().copy()
-    for left, material in ((_RAW, estimate), (_FUSED, fused)):
-        if material.diffuse_albedo is not None:
-            swatch = colour.linear_to_srgb(np.clip(material.diffuse_albedo, 0, 1))
-            pixels[72 : 72 + _SWATCH[1], left : left + _SWATCH[0]] = np.rint(255 * swatch)
+    canvas = Image.new("RGB", (_PANEL, _HEIGHT), _PAPER)
+    pen, font = ImageDraw.Draw(canvas), ImageFont.load_default(size=14)
+    pen.text((_MARGIN, 12), f"{seconds:.2f} s", _INK, font)
+    pen.text((_PANEL // 3, 12), status, _OUTLINE, font)
+    for (title, top), material in zip(_TOPS.items(), (estimate, fused), strict=True):
+        if material.diffuse_srgb_hex is not None:
+            box = (_MARGIN, top, _MARGIN + _SWATCH, top + _SWATCH)
+            pen.rectangle(box, material.diffuse_srgb_hex)
+        lines = [title, *preview.caption(material.to_json())]
+        pen.multiline_text((2 * _MARGIN + _SWATCH, top), "\n".join(lines), _INK, font, spacing=8)
     if fused.whole() is not None:
-        left, top = (_PANEL - _SPHERE) // 2, _HEIGHT - _SPHERE - 10
-        ball = np.rint(255 * preview.sphere(fused, _SPHERE))
-        pixels[top : top + _SPHERE, left : left + _SPHERE] = ball
-    lines = [(12, 30, f"{seconds:.2f} s", 18, _INK), (_RAW, 30, status, 18, _OUTLINE)]
-    for column, material in ((_RAW, estimate), (_FUSED, fused)):
-        lines += [(column, _ROWS[row], text, 17, _INK) for row, text in _numbers(material).items()]
-    return _written(pixels, lines)
-
-
-def _numbers(material: Material) -> dict[str, str]:
-    """Return the text of the panel's rows for a material, by row."""
-    texts: dict[str, str] = {}
-    if material.diffuse_albedo is not None:
-        texts = {
-            name: f"{value:.3f}"
-            for name, value in zip(("red", "green", "blue"), material.diffuse_albedo, strict=True)
-        }
-    if material.specular_albedo is not None:
-        texts["specular"] = f"{material.specular_albedo:.3f}"
-    if material.exponent is not None:
-        texts["exponent"] = f"{material.exponent:.3g}"
-    if material.mask_coverage is not None:
-        texts["coverage"] = f"{material.mask_coverage:.1%}"
-    return texts
-
-
-@functools.cache
-def _form() -> np.ndarray:
-    """Return the panel with its headings and row names, without values."""
-    pixels = np.full((_HEIGHT, _PANEL, 3), _PAPER, np.uint8)
-    lines = [(12, y, row, 15, _FAINT) for row, y in _ROWS.items()]
-    headings = [(12, 95, "diffuse"), (_RAW, 62, "this frame"), (_FUSED, 62, "fused")]
-    return _written(pixels, lines + [(*heading, 15, _FAINT) for heading in headings])
-
-
-def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
-    """Return pixels with lines of text, each (x, y of the base line, text, size, colour)."""
-    image = oiio.ImageBuf(pixels)
-    for x, y, text, size, ink in lines:
-        if text:
-            rgb = tuple(level / 255 for level in ink)
-            oiio.ImageBufAlgo.render_text(image, x, y, text, size, "DroidSans", rgb)
-    return np.asarray(image.get_pixels(oiio.UINT8))
-
-
-def _resized(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
-    return picture.reformat(width=width, height=height, interpolation="AREA").to_ndarray()
-
-
-def _outline(mask: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Return the rim of a mask `(H, W, 1)` as bool `(height, width)`, two pixels wide."""
-    rows = (np.arange(height) * mask.shape[0]) // height
-    columns = (np.arange(width) * mask.shape[1]) // width
-    return preview.rim(mask[rows[:, None], columns, 0] >= framing.THRESHOLD, 2)
+        ball = Image.fromarray(np.uint8(np.rint(255 * preview.sphere(fused, _SPHERE))))
+        canvas.paste(ball, ((_PANEL - _SPHERE) // 2, _HEIGHT - _SPHERE - _MARGIN))
+    return np.asarray(canvas)

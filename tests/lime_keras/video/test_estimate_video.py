@@ -87,7 +87,7 @@ def test_the_table_and_the_summary(tmp_path):
     with Footage(str(summary.overlay)) as footage:
         shown = list(footage)
     assert summary.overlay == tmp_path / "out" / "vase-overlay.mp4" and len(shown) == 11
-    assert shown[0].image_srgb.shape == (480, 640 + 280, 3)
+    assert shown[0].image_srgb.shape == (480, 640 + 380, 3)
     np.testing.assert_allclose([f.time for f in shown], np.arange(11) / 25, atol=1e-3)
 
 

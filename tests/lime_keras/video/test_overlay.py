@@ -23,15 +23,15 @@ def test_frames_of_every_shape_get_a_panel(shape):
     image = np.full((*shape, 3), 200, np.uint8)
     drawn = draw(image, 0.0, "", estimate(np.ones(shape)), FUSED)
     assert drawn.dtype == np.uint8 and drawn.shape[0] == 480 and drawn.shape[1] % 2 == 0
-    assert drawn.shape[1] <= 1280 + 280
-    shown = np.any(np.all(drawn[:, :-280] == 200, axis=-1), axis=0)
+    assert drawn.shape[1] <= 1280 + 380
+    shown = np.any(np.all(drawn[:, :-380] == 200, axis=-1), axis=0)
     assert shown.all()
-    np.testing.assert_array_equal(drawn[:, -280:], panel(0.0, "", estimate(), FUSED))
+    np.testing.assert_array_equal(drawn[:, -380:], panel(0.0, "", estimate(), FUSED))
 
 
 def test_the_picture_keeps_its_proportions():
     image = np.full((100, 400, 3), 90, np.uint8)
-    drawn = draw(image, 0.0, "", estimate(), FUSED)[:, :-280]
+    drawn = draw(image, 0.0, "", estimate(), FUSED)[:, :-380]
     assert drawn.shape[1] == 1280
     assert np.all(drawn == 90, axis=(1, 2)).sum() == 320
 
@@ -67,14 +67,14 @@ def test_a_mask_of_another_resolution_is_fitted():
 def test_swatches_show_both_albedos():
     raw = np.array([0.1, 0.4, 0.9])
     pixels = panel(1.0, "", estimate(diffuse_albedo=raw), FUSED)
-    for left, albedo in ((96, raw), (186, FUSED.diffuse_albedo)):
+    for top, albedo in ((44, raw), (158, FUSED.diffuse_albedo)):
         expected = np.rint(255 * colour.linear_to_srgb(albedo))
-        np.testing.assert_array_equal(pixels[80, left + 40], expected)
+        np.testing.assert_array_equal(pixels[top + 10, 22], expected)
 
 
 def ball(material):
     """Decoded sphere, of the panel."""
-    return colour.srgb_to_linear(panel(0.0, "", NOTHING, material)[278:470, 44:236] / 255.0)
+    return colour.srgb_to_linear(panel(0.0, "", NOTHING, material)[276:468, 94:286] / 255.0)
 
 
 def test_the_sphere_is_of_the_fused_material():
@@ -95,7 +95,7 @@ def test_what_is_unknown_is_left_out(missing):
     whole = panel(0.0, "", NOTHING, FUSED)
     partial = panel(0.0, "", NOTHING, Material(**(fields | {missing: None})))
     empty = panel(0.0, "", NOTHING, NOTHING)
-    np.testing.assert_array_equal(partial[278:470, 44:236], empty[278:470, 44:236])
+    np.testing.assert_array_equal(partial[276:468, 94:286], empty[276:468, 94:286])
     assert (partial != empty).any() and (partial[:270] != whole[:270]).any()
 
 
@@ -110,4 +110,4 @@ def test_time_and_status_are_told(status):
 @pytest.mark.parametrize("exponent", [1.0, 1000.0, 1e-12, 1e9])
 def test_extreme_materials_are_drawn(albedo, exponent):
     material = Material(np.full(3, albedo), float(albedo), exponent, mask_coverage=1.0)
-    assert panel(1e9, "", material, material).shape == (480, 280, 3)
+    assert panel(1e9, "", material, material).shape == (480, 380, 3)
