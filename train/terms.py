@@ -222,7 +222,9 @@ def _compositing_printed(batch: Batch, answer: StageOutputs, units: Units) -> An
 
 def _compositing(batch: Batch, answer: StageOutputs, units: Units) -> Any:
     balance = camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1]))
-    return losses.compositing_l1(*_compose(batch, answer), batch["clipped"], balance)
+    return losses.compositing_l1(
+        *_compose(batch, answer), clipped=batch["clipped"], balance=balance
+    )
 
 
 _PERCEIVED = ("painted", "ambient", "diffuse_shading")

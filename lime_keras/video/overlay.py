@@ -56,6 +56,8 @@ def panel(seconds: float, status: str, estimate: Material, fused: Material) -> n
         lines = [title, *preview.caption(material.to_json())]
         pen.multiline_text((2 * _MARGIN + _SWATCH, top), "\n".join(lines), _INK, font, spacing=8)
     if fused.whole() is not None:
-        ball = Image.fromarray(np.uint8(np.rint(255 * preview.sphere(fused, _SPHERE))))
-        canvas.paste(ball, ((_PANEL - _SPHERE) // 2, _HEIGHT - _SPHERE - _MARGIN))
+        sphere = np.rint(255 * preview.sphere(fused, _SPHERE)).astype(np.uint8)
+        canvas.paste(
+            Image.fromarray(sphere), ((_PANEL - _SPHERE) // 2, _HEIGHT - _SPHERE - _MARGIN)
+        )
     return np.asarray(canvas)
