@@ -97,11 +97,12 @@ def _expected(batch, answer):
     limited = np.maximum(batch["shininess"], 1)
     if "log_exponent" in answer:
         log = np.clip(answer["log_exponent"][:, 0], 0, 3)
-        distance = np.abs(shininess.bin_of(10**log) - shininess.bin_of(limited))
+        winning = shininess.bin_of(10**log)
     else:
         probabilities = softmax(answer["exponent_bin_probabilities"], axis=-1)
         log = probabilities @ shininess.LOG_MEANS
-        distance = metrics.bin_distance(limited, probabilities)
+        winning = np.argmax(probabilities, axis=-1)
+    distance = np.abs(winning - shininess.bin_of(limited))
     layers = {}
     for name in ("specular_shading", "mirror"):
         found = np.expm1(np.clip(answer[name] * mask, 0, HIGHEST_COMPRESSED))
@@ -112,9 +113,9 @@ def _expected(batch, answer):
         "mask_iou_pooled": intersection.sum() / union.sum(),
         "exponent_exact": np.mean(distance == 0),
         "exponent_within_one": np.mean(distance <= 1),
-        "log_exponent_mae": metrics.log_exponent_error(limited, log).mean(),
+        "log_exponent_mae": mean_absolute_error(np.log10(limited), log),
         "diffuse_albedo_mae": mean_absolute_error(batch["diffuse_albedo"], albedos[:, :3]),
-        "specular_albedo_mae": metrics.albedo_absolute_error(specular, albedos[:, 3:]).mean(),
+        "specular_albedo_mae": mean_absolute_error(specular, albedos[:, 3:]),
     }
 
 
