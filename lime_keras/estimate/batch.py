@@ -1,4 +1,4 @@
-"""A run over many photos with one model, which reads, estimates and writes batch by batch."""
+"""A run over many photos with one model: a photo is estimated while one before it is written."""
 
 import contextlib
 import sys
@@ -21,8 +21,6 @@ from lime_keras.io.scanner import AmbiguousName, mask_beside, of_photo
 from lime_keras.lighting import light_files
 from lime_keras.material import Material
 
-_BATCH, _BATCH_PIXELS = 8, 25_000_000
-"""Largest number of photos, and of their pixels (about 1 GB), in one batch of the networks."""
 _WAITING = 1 << 20
 """Largest number of pixels (about 100 MB) that wait to be written while the networks go on."""
 
@@ -134,26 +132,6 @@ class Batch:
         """Return the file of a photo's mask; None if it has none."""
         return mask_beside(path) if self._masks is None else _file_for(path, self._masks)
 
-    def _batches(self, photos: Mapping[str, Path]) -> Iterator[list[_Input]]:
-        """Yield batches of photos; report unreadable ones."""
-        batch: list[_Input] = []
-        for name, path in photos.items():
-            begun = time.perf_counter()
-            try:
-                # Hashed first: a file that is replaced meanwhile must not pass for what was read.
-                one = _Input(path, name, self.provenance(path), *self._read(path))
-            except (ValueError, OSError, MemoryError) as error:
-                self._fail(path, error)
-                continue
-            finally:
-                self._seconds["reading"] += time.perf_counter() - begun
-            pixels = sum(each.pixels for each in [*batch, one])
-            if batch and (len(batch) == _BATCH or pixels > _BATCH_PIXELS):
-                yield batch
-                batch = []
-            batch.append(one)
-        yield batch
-
     def _read(self, path: Path) -> tuple[photo.Photo, np.ndarray | None]:
         """Read a photo and its mask; None if it has none."""
         read = photo.load(path)
@@ -167,22 +145,28 @@ class Batch:
         return read._replace(alpha=None), mask
 
     def _estimate(self, estimator: Estimator, photos: Mapping[str, Path]) -> Iterator[None]:
-        """Estimate photos and write their files, and yield after each."""
+        """Estimate photos and write their files, and yield after each; report unreadable ones."""
         is_searched = False
-        for batch in self._batches(photos):
-            masks = [one.mask for one in batch]
-            is_searched |= any(mask is None for mask in masks)
+        for name, path in photos.items():
+            begun = time.perf_counter()
+            try:
+                # Hashed first: a file that is replaced meanwhile must not pass for what was read.
+                one = _Input(path, name, self.provenance(path), *self._read(path))
+            except (ValueError, OSError, MemoryError) as error:
+                self._fail(path, error)
+                continue
+            finally:
+                self._seconds["reading"] += time.perf_counter() - begun
+            is_searched |= one.mask is None
             self._subnetworks = [
                 name for name in estimator.subnetworks if name != "segmentation" or is_searched
             ]
-            materials = estimator.estimate_many([one.photo for one in batch], masks)
-            for one in batch:
-                begun = time.perf_counter()
-                with _naming_photo(one.path):
-                    material = next(materials)
-                self._seconds["networks"] += time.perf_counter() - begun
-                self._written.append((one, self._writer.submit(self._write, one, material)))
-                yield from self._finish(_WAITING)
+            begun = time.perf_counter()
+            with _naming_photo(path):
+                material = estimator.estimate(one.photo, one.mask)
+            self._seconds["networks"] += time.perf_counter() - begun
+            self._written.append((one, self._writer.submit(self._write, one, material)))
+            yield from self._finish(_WAITING)
         yield from self._finish(0)
 
     def _finish(self, most: int) -> Iterator[None]:

@@ -7,7 +7,7 @@ Example:
     print(material.diffuse_albedo, material.specular_albedo, material.exponent)
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, overload
@@ -182,17 +182,16 @@ class Estimator:
 
         Raises:
             ValueError: if the photo or the mask cannot be read, has another shape, is not finite,
-                or leaves [0, 1].
+                or leaves [0, 1]; or if the model's answers are not finite, as its weights are
+                damaged.
         """
-        return next(self.estimate_many([photo], [mask]))
+        view = self.view(photo, mask)
+        return self.place(view, self.read(view))
 
     def estimate_many(
         self, photos: Sequence[Picture], masks: Sequence[Picture | None] | None = None
     ) -> Iterator[Material]:
-        """Estimate the materials of several photos, of any sizes, as one batch.
-
-        The networks run once, for all photos together. The layers of a material are made when the
-        iterator reaches it, so that the layers of all photos are never in memory together.
+        """Estimate the materials of several photos, of any sizes, one after the other.
 
         Args:
             photos: photos, each as `estimate` takes it.
@@ -202,16 +201,13 @@ class Estimator:
             The material of each photo, in order (see `estimate`).
 
         Raises:
-            ValueError: if a photo or a mask is refused (see `estimate`), or the numbers of photos
-                and masks differ; raised at the first material. Also if the model's answers are
-                not finite, as its weights are damaged.
+            ValueError: if the numbers of photos and masks differ, raised at the first material; and
+                as `estimate`, at the material of the photo.
         """
         masks = [None] * len(photos) if masks is None else masks
         if len(masks) != len(photos):
             raise ValueError(f"{len(photos)} photos with {len(masks)} masks: pass one for each")
-        views = self._views(photos, masks)
-        for view, material in zip(views, self._read(views), strict=True):
-            yield self.place(view, material)
+        yield from map(self.estimate, photos, masks)
 
     def view(self, photo: Picture, mask: Picture | None = None) -> View:
         """Find the object in a photo, and return the square that the networks see.
@@ -223,7 +219,18 @@ class Estimator:
         Raises:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
-        return self._views([photo], [mask])[0]
+        image, full, doubts = photo_of(photo)
+        confidence = None
+        if mask is not None:
+            full = mask_of(mask, *image.shape[:2])
+        elif full is None and self._masker is not None:
+            full = mask_of(self._masker(image), *image.shape[:2])
+            confidence = cautions.confidence(full)
+        if full is None:
+            return replace(self._find(image), doubts=doubts)
+        view = self._cut(image, framing.around_mask(full))
+        low = framing.cut_layer(full, view.square, self.size)
+        return replace(view, mask=low, supplied_mask=full, confidence=confidence, doubts=doubts)
 
     def look(self, frame: np.ndarray, square: Square | None) -> View:
         """Find the object in a frame of a stream, first where it was in the frame before.
@@ -237,10 +244,10 @@ class Estimator:
             the whole frame, or closer, as `view` has it.
         """
         if square is not None:
-            view = self._segment([self._cut(frame, square)])[0]
+            view = self._segment(frame, square)
             if framing.following(view.mask, square, *frame.shape[:2]) is not None:
                 return view
-        return self._find([self._cut(frame, framing.whole(*frame.shape[:2]))])[0]
+        return self._find(frame)
 
     def doubts(self, view: View) -> tuple[Caution, ...]:
         """Return the warnings of the estimate of a view: why it may be wrong (`cautions`)."""
@@ -261,7 +268,30 @@ class Estimator:
         Raises:
             ValueError: if the model's answers are not finite, as its weights are damaged.
         """
-        return next(self._read([view], only))
+        outputs = self._outputs if only is None else self._outputs_of(self._only & set(only))
+        answer = self._run(outputs, image=view.image, mask=view.mask) if outputs else {}
+        fields: dict[str, Any] = {}
+        layers = {name: value for name, value in answer.items() if OUTPUTS[name].layer}
+        if "diffuse_albedo" in answer:
+            fields["diffuse_albedo"] = dichromatic.with_saturation_of_pixels(
+                answer["diffuse_albedo"], view.image, view.mask
+            )
+        if "specular_albedo" in answer:
+            fields["specular_albedo"] = float(answer["specular_albedo"][0])
+        if {"exponent_bin_probabilities", "log_exponent"} & set(answer):
+            fields["exponent"] = float(10.0 ** shininess.log_of_outputs(answer))
+            fields["gloss_calibration"] = self.gloss_calibration
+        if "exponent_bin_probabilities" in answer:
+            probabilities = answer["exponent_bin_probabilities"]
+            fields["exponent_bin_probabilities"] = probabilities
+            fields["exponent_entropy"] = float(shininess.entropy(probabilities))
+        return Material(
+            mask_coverage=view.coverage,
+            mask_confidence=view.confidence,
+            square=view.square,
+            layers={"mask": view.mask} | layers,
+            **fields,
+        )
 
     def place(self, view: View, material: Material) -> Material:
         """Bring the material of a view to its photo.
@@ -312,116 +342,43 @@ class Estimator:
             image_srgb=view.photo,
         )
 
-    def _views(self, photos: Sequence[Picture], masks: Sequence[Picture | None]) -> list[View]:
-        """Return the view of each photo; SegmentationNet looks at all of them as one batch."""
-        views = [self._view_of(*one) for one in zip(photos, masks, strict=True)]
-        searched = [index for index, view in enumerate(views) if view.supplied_mask is None]
-        for index, view in zip(searched, self._find([views[at] for at in searched]), strict=True):
-            views[index] = view
-        return views
-
-    def _view_of(self, photo: Picture, mask: Picture | None) -> View:
-        """Return the view around a photo's mask or, where SegmentationNet is to look, the whole.
-
-        Raises:
-            ValueError: if the photo or the mask is refused (see `estimate`).
-        """
-        image, full, doubts = photo_of(photo)
-        confidence = None
-        if mask is not None:
-            full = mask_of(mask, *image.shape[:2])
-        elif full is None and self._masker is not None:
-            full = mask_of(self._masker(image), *image.shape[:2])
-            confidence = cautions.confidence(full)
-        if full is None:
-            return replace(self._cut(image, framing.whole(*image.shape[:2])), doubts=doubts)
-        view = self._cut(image, framing.around_mask(full))
-        low = framing.cut_layer(full, view.square, self.size)
-        return replace(view, mask=low, supplied_mask=full, confidence=confidence, doubts=doubts)
-
     def _cut(self, photo: np.ndarray, square: Square) -> View:
         """Return the view of a square in which nothing was looked for yet."""
         nothing = np.zeros((self.size, self.size, 1), np.float32)
         return View(square, framing.cut(photo, square, self.size), nothing, None, photo, None)
 
-    def _find(self, views: list[View]) -> list[View]:
-        """Return views with the mask of their object, closer ones where the object is small."""
-        segmented = self._segment(views)
-        closer = []
-        for index, view in enumerate(segmented):
-            square = framing.around(view.mask, view.square)
-            if square != view.square:
-                closer.append((index, replace(self._cut(view.photo, square), doubts=view.doubts)))
-        for (index, _), view in zip(closer, self._segment([one for _, one in closer]), strict=True):
+    def _find(self, photo: np.ndarray) -> View:
+        """Return the view of a photo with its object's mask, a closer one of a small object."""
+        view = self._segment(photo, framing.whole(*photo.shape[:2]))
+        square = framing.around(view.mask, view.square)
+        if square != view.square:
+            closer = self._segment(photo, square)
             # If the closer view shows no object, keep the whole photo.
-            if np.any(view.mask >= framing.THRESHOLD):
-                segmented[index] = view
-        return segmented
+            if np.any(closer.mask >= framing.THRESHOLD):
+                return closer
+        return view
 
-    def _segment(self, views: list[View]) -> list[View]:
-        """Return views with SegmentationNet's masks and their confidence; there may be none."""
-        if not views:
-            return []
-        masks = self._run(["mask"], {"image": np.stack([view.image for view in views])})["mask"]
-        return [
-            replace(view, mask=mask, confidence=cautions.confidence(mask))
-            for view, mask in zip(views, masks, strict=True)
-        ]
+    def _segment(self, photo: np.ndarray, square: Square) -> View:
+        """Return the view of a square with SegmentationNet's mask and its confidence."""
+        view = self._cut(photo, square)
+        mask = self._run(["mask"], image=view.image)["mask"]
+        return replace(view, mask=mask, confidence=cautions.confidence(mask))
 
     def _outputs_of(self, only: Collection[str]) -> list[str]:
         """Return the names of the outputs, all but the mask, that estimates need."""
         needed = available(self._engine.outputs)
         return sorted({output for name in only for output in needed[name]} - {"mask"})
 
-    def _read(self, views: list[View], only: Collection[str] | None = None) -> Iterator[Material]:
-        """Yield the material of each view; the networks run on all of them as one batch."""
-        answers: Mapping[str, np.ndarray] = {}
-        outputs = self._outputs if only is None else self._outputs_of(self._only & set(only))
-        if outputs and views:
-            images, masks = (
-                np.stack([getattr(view, name) for view in views]) for name in ("image", "mask")
-            )
-            answers = self._run(outputs, {"image": images, "mask": masks})
-        for index, view in enumerate(views):
-            yield self._material(view, {name: value[index] for name, value in answers.items()})
-
-    def _run(
-        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
-    ) -> Mapping[str, np.ndarray]:
-        """Return the model's outputs by name; raise ValueError if one is not finite."""
-        answers = self._engine.run(outputs, inputs)
+    def _run(self, outputs: Collection[str], **inputs: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the model's outputs of a view by name; raise ValueError if one is not finite."""
+        answers = self._engine.run(outputs, {name: value[None] for name, value in inputs.items()})
         for name, answer in answers.items():
             if not np.isfinite(answer).all():
                 raise ValueError(
                     f"{self._model} answers {name} with NaN or infinity: its weights are damaged, "
                     "so train again or pass other --weights"
                 )
-        return answers
-
-    def _material(self, view: View, answer: Mapping[str, np.ndarray]) -> Material:
-        """Return the material of a view from the networks' answer."""
-        fields: dict[str, Any] = {}
-        layers = {name: value for name, value in answer.items() if OUTPUTS[name].layer}
-        if "diffuse_albedo" in answer:
-            fields["diffuse_albedo"] = dichromatic.with_saturation_of_pixels(
-                answer["diffuse_albedo"], view.image, view.mask
-            )
-        if "specular_albedo" in answer:
-            fields["specular_albedo"] = float(answer["specular_albedo"][0])
-        if {"exponent_bin_probabilities", "log_exponent"} & set(answer):
-            fields["exponent"] = float(10.0 ** shininess.log_of_outputs(answer))
-            fields["gloss_calibration"] = self.gloss_calibration
-        if "exponent_bin_probabilities" in answer:
-            probabilities = answer["exponent_bin_probabilities"]
-            fields["exponent_bin_probabilities"] = probabilities
-            fields["exponent_entropy"] = float(shininess.entropy(probabilities))
-        return Material(
-            mask_coverage=view.coverage,
-            mask_confidence=view.confidence,
-            square=view.square,
-            layers={"mask": view.mask} | layers,
-            **fields,
-        )
+        return {name: answer[0] for name, answer in answers.items()}
 
     def _warnings(self, view: View, mask: np.ndarray) -> tuple[Caution, ...]:
         """Return why the estimate of a view may be wrong, by its mask at the photo's size."""

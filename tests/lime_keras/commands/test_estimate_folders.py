@@ -142,13 +142,13 @@ def test_other_results_are_refused_before_anything_is_done(folder, tmp_path, cap
 def test_a_photo_replaced_while_it_is_estimated_is_not_taken_for_it(tmp_path, capsys, monkeypatch):
     path, out = tmp_path / "a.png", tmp_path / "out"
     write(path, photo())
-    estimate_many = Estimator.estimate_many
+    estimate = Estimator.estimate
 
-    def slow(self, photos, masks):
+    def slow(self, image, mask):
         write(path, photo(1))
-        return estimate_many(self, photos, masks)
+        return estimate(self, image, mask)
 
-    monkeypatch.setattr(Estimator, "estimate_many", slow)
+    monkeypatch.setattr(Estimator, "estimate", slow)
     assert run(path, out=out) == 0
     assert run(path, out=out) == 1
     assert "a.json was made with another source" in capsys.readouterr().err

@@ -274,11 +274,7 @@ def test_several_photos_are_answered_as_one_by_one(estimator):
     masks = [None, np.ones((33, 20)), None]
     together = list(estimator.estimate_many(images, masks))
     for image, mask, material in zip(images, masks, together, strict=True):
-        alone = estimator.estimate(image, mask)
-        np.testing.assert_allclose(material.exponent, alone.exponent, rtol=1e-4)
-        np.testing.assert_allclose(material.diffuse_albedo, alone.diffuse_albedo, rtol=1e-4)
-        for name, layer in alone.layers.items():
-            np.testing.assert_allclose(material.layers[name], layer, atol=1e-5)
+        assert material.to_json() == estimator.estimate(image, mask).to_json()
     assert list(estimator.estimate_many([])) == []
     with pytest.raises(ValueError, match="3 photos with 1 masks"):
         next(estimator.estimate_many(images, [None]))
