@@ -290,7 +290,7 @@ def blind(monkeypatch):
     """SegmentationNet finds nothing."""
     nothing = np.zeros((32, 32, 1), np.float32)
     monkeypatch.setattr(
-        Estimator, "_segment", lambda self, views: [replace(view, mask=nothing) for view in views]
+        Estimator, "_segment", lambda self, *of: replace(self._cut(*of), mask=nothing)
     )
 
 
