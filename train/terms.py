@@ -201,30 +201,29 @@ def _map(error: Callable[[Any], Any], schedules: str) -> Term:
     return Term(1.0, "reflectance_map", _OF_MAP, loss, schedules)
 
 
-def _compose(batch: Batch, answer: StageOutputs) -> tuple[Any, ...]:
+def _compose(batch: Batch, answer: StageOutputs) -> dict[str, Any]:
     """Return what both forms of Eq. 5 compare: the photo, and Eq. 4 of what is estimated."""
     # Eq. 4 knows nothing of paint, so painted pixels do not count.
     albedos, unpainted = answer.raw["albedos"], batch["mask"] * (1.0 - batch["painted"])
-    return (
-        batch["image"],
-        unpainted,
-        albedos[:, :3],
-        albedos[:, 3:],
-        batch["ambient"],
-        batch["diffuse_shading"],
-        answer.seen["specular_shading"],
-    )
+    return {
+        "image_srgb": batch["image"],
+        "mask": unpainted,
+        "diffuse_albedo": albedos[:, :3],
+        "specular_albedo": albedos[:, 3:],
+        "ambient": batch["ambient"],
+        "diffuse_shading": batch["diffuse_shading"],
+        "specular_compressed": answer.seen["specular_shading"],
+    }
 
 
 def _compositing_printed(batch: Batch, answer: StageOutputs, units: Units) -> Any:
-    return losses.compositing_l2(*_compose(batch, answer))
+    return losses.compositing_l2(**_compose(batch, answer))
 
 
 def _compositing(batch: Batch, answer: StageOutputs, units: Units) -> Any:
     balance = camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1]))
-    return losses.compositing_l1(
-        *_compose(batch, answer), clipped=batch["clipped"], balance=balance
-    )
+    composed = _compose(batch, answer)
+    return losses.compositing_l1(**composed, clipped=batch["clipped"], balance=balance)
 
 
 _PERCEIVED = ("painted", "ambient", "diffuse_shading")
