@@ -169,8 +169,9 @@ class _Run:
         signatures: dict[str, str] = {}
         for number, stage in enumerate(stages_of(config), 1):
             networks = {part: self._subnetworks[part] for part in stage.subnetworks}
-            kept = answers.independent(networks, config.frozen or ())
-            learning = {name: one for name, one in networks.items() if name not in kept}
+            frozen = answers.independent(networks, config.frozen or ())
+            learning = {name: one for name, one in networks.items() if name not in frozen}
+            kept = answers.read_by(learning, frozen)
             model = self._model(learning, kept)
             signature = _signature(config, stage, model, signatures)
             files = Files(self._folder, f"{number}-{stage.name}")

@@ -36,6 +36,17 @@ def independent(
     return {name: one for name, one in out.items() if images.issuperset(predictors({name: one}))}
 
 
+def read_by(
+    learning: Mapping[str, keras.Model], independent: Mapping[str, keras.Model]
+) -> dict[str, keras.Model]:
+    """Return the independent subnetworks that those that learn read, or that these in turn read."""
+    out = dict(learning)
+    for name, network in reversed(independent.items()):
+        if not set(required_inputs(out)).isdisjoint(predictors({name: network})):
+            out = {name: network, **out}
+    return {name: network for name, network in out.items() if name in independent}
+
+
 def sha256(networks: Mapping[str, keras.Model]) -> str:
     """Return a hash of the weights of subnetworks."""
     digest = hashlib.sha256()

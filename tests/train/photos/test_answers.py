@@ -45,6 +45,14 @@ def test_only_what_reads_no_learning_subnetwork_is_kept(networks):
     assert not answers.independent(_of(linear, "specular", "mirror"), ("mirror",))
 
 
+def test_only_what_is_read_is_kept(networks):
+    frozen = _of(networks, "specular", "mirror")
+    # The paper's ExponentNet reads M, which follows from S; its AlbedoNet reads S alone.
+    assert list(answers.read_by(_of(networks, "exponent"), frozen)) == ["specular", "mirror"]
+    assert list(answers.read_by(_of(networks, "albedo"), frozen)) == ["specular"]
+    assert not answers.read_by(_of(networks, "segmentation"), frozen)
+
+
 def test_a_stage_learns_from_kept_predictions_as_from_fresh_ones(networks, photos, tmp_path):
     names = ("specular", "mirror", "exponent")
     frozen = answers.independent(_of(networks, *names), ("specular", "mirror"))
