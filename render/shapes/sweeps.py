@@ -115,11 +115,15 @@ def tightest(curve: np.ndarray, closed: bool) -> float:
 
 
 def _tangents(curve: np.ndarray, closed: bool) -> np.ndarray:
-    if closed:
-        along = np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)
-    else:
-        along = np.gradient(curve, axis=0)
+    along = _along(curve, closed)
     return along / np.linalg.norm(along, axis=1, keepdims=True)
+
+
+def _along(points: np.ndarray, closed: bool) -> np.ndarray:
+    """Return the direction of a row of points `(K, ...)` at each, of any length."""
+    if closed:
+        return np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    return np.gradient(points, axis=0)
 
 
 def _frames(
@@ -155,18 +159,10 @@ def _normals(
 ) -> np.ndarray:
     """Return the outward normals `(K, M, 3)` of a swept piece: across the section times along."""
     ring = np.array_equal(piece[0], piece[-1])
-    step = (
-        np.roll(piece[:-1], -1, 0) - np.roll(piece[:-1], 1, 0)
-        if ring
-        else np.gradient(piece, axis=0)
-    )
+    step = _along(piece[:-1] if ring else piece, ring)
     step = np.concatenate([step, step[:1]]) if ring else step
     across = step[:, :1] * first[:, None] + step[:, 1:] * second[:, None]
-    if closed:
-        along = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-    else:
-        along = np.gradient(points, axis=0)
-    return np.cross(across, along)
+    return np.cross(across, _along(points, closed))
 
 
 def _grid(rows: int, columns: int, closed: bool) -> np.ndarray:
