@@ -2,8 +2,7 @@
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from trimesh.graph import connected_component_labels
 
 CREASE = np.radians(50)  # faces that meet at a larger angle keep separate normals
 _JOINED = 6  # number of decimals to which vertices in one place agree, in a mesh of about unit size
@@ -73,7 +72,8 @@ def _against(corners: np.ndarray) -> np.ndarray:
     # Each face is two nodes of a graph: as it is, and turned. Neighbours that agree are joined. A
     # surface with two sides gives two components; that with more unturned faces is taken.
     f, g = one // 3, other // 3 + np.where(same, count, 0)
-    piece = components(np.r_[f, (f + count)], np.r_[g, (g + count) % (2 * count)], 2 * count)
+    edges = np.stack([np.r_[f, (f + count)], np.r_[g, (g + count) % (2 * count)]], 1)
+    piece = connected_component_labels(edges, 2 * count)
     kept = np.bincount(piece[:count], minlength=piece.max() + 1)
     as_is, turned = piece[:count], piece[count:]
     return (kept[turned] > kept[as_is]) | ((kept[turned] == kept[as_is]) & (turned < as_is))
@@ -86,13 +86,8 @@ def _patches(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
     smooth = ~same & ((unit[one // 3] * unit[other // 3]).sum(1) > np.cos(CREASE))
     one, other = one[smooth], other[smooth]
     ends = [h - h % 3 + (h + 1) % 3 for h in (one, other)]
-    return components(np.r_[one, ends[0]], np.r_[ends[1], other], corners.size)
-
-
-def components(a: np.ndarray, b: np.ndarray, count: int) -> np.ndarray:
-    """Number the connected components of a graph of `count` nodes with edges from a to b."""
-    graph = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    edges = np.stack([np.r_[one, ends[0]], np.r_[ends[1], other]], 1)
+    return connected_component_labels(edges, corners.size)
 
 
 def _angles(triangles: np.ndarray) -> np.ndarray:

@@ -2,10 +2,10 @@
 
 import numpy as np
 from skimage.measure import marching_cubes
+from trimesh.graph import connected_component_labels
 
 from .fields import Field
 from .meshes import Mesh, normalised
-from .smoothing import components
 
 CELLS = 150_000  # cells of the grid for marching cubes: 8,000 to 30,000 faces, about 0.1 s
 
@@ -57,6 +57,6 @@ def _gradient(field: Field, p: np.ndarray, step: float) -> np.ndarray:
 def _largest_component(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the largest connected part of a mesh, without crumbs and cavities."""
     edges = np.concatenate([faces[:, :2], faces[:, 1:]])
-    label = components(edges[:, 0], edges[:, 1], len(vertices))
+    label = connected_component_labels(edges, len(vertices))
     kept = label == np.bincount(label).argmax()
     return vertices[kept], (np.cumsum(kept) - 1)[faces[kept[faces[:, 0]]]]
