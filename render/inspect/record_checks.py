@@ -85,14 +85,10 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
 def _origin(example: Mapping, expected: Expected) -> Iterator[tuple[str, str]]:
     if example["seed"] != expected.seed:
         yield "seed", f"seed is {example['seed']}, expected the corpus' {expected.seed}"
-    yield from _name(example, "shape", expected.shapes)
-    yield from _name(example, "light", expected.lights)
-
-
-def _name(example: Mapping, kind: str, allowed: frozenset[str]) -> Iterator[tuple[str, str]]:
-    text = example[kind].decode(errors="replace")
-    if text not in allowed:
-        yield "name", f"{kind} is {text}, which is none of the manifest's {len(allowed)}"
+    for kind, allowed in (("shape", expected.shapes), ("light", expected.lights)):
+        text = example[kind].decode(errors="replace")
+        if text not in allowed:
+            yield "name", f"{kind} is {text}, which is none of the manifest's {len(allowed)}"
 
 
 def _sizes(example: Mapping, sizes: Mapping[str, tuple[int, int]]) -> Iterator[tuple[str, str]]:
