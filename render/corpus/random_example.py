@@ -160,7 +160,7 @@ class Sources:
         radiance = environments.load(path)
         if len(radiance) > _LARGEST_MAP:
             height = min(_LARGEST_MAP, radiance.shape[1] // 2)
-            radiance = environments.resized(radiance, height)
+            radiance = environments.resized(radiance, height).astype(np.float32, "C")
         return radiance
 
     def render_room(self, name: str) -> None:

@@ -143,13 +143,8 @@ def resized(radiance: np.ndarray, height: int) -> np.ndarray:
         height: Rows of the new map, at most H and at most W / 2.
 
     Returns:
-        `(height, 2 * height)` float32 with the same integral over the sphere.
+        `(height, 2 * height)` float64 with the same integral over the sphere.
     """
-    return np.ascontiguousarray(means(radiance, height), np.float32)
-
-
-def means(radiance: np.ndarray, height: int) -> np.ndarray:
-    """Return the float64 means `(height, 2 * height)` that `resized` rounds, of its arguments."""
     rows, columns = radiance.shape
     zenith = np.cos(np.linspace(0, np.pi, rows + 1))
     rings = _averaged(radiance, -zenith, -np.cos(np.linspace(0, np.pi, height + 1)))

@@ -80,7 +80,7 @@ class Light:
         height = 2 ** math.ceil(math.log2(rows))
         while (height := height // 2) > finest:
             if 2 * height <= self.radiance.shape[1]:
-                out.append(environments.means(self.radiance, height).astype(self.radiance.dtype))
+                out.append(environments.resized(self.radiance, height).astype(self.radiance.dtype))
         for height in sorted(self.levels, reverse=True):
             if height < rows:
                 energy = self.levels[height].energy
@@ -208,7 +208,7 @@ def prepare(
     finest = _COARSEST
     while 2 * finest <= min(rows, columns // 2, quality.finest):
         finest *= 2
-    texels = (environments.means(radiance, finest) * gain).astype(np.float32)
+    texels = (environments.resized(radiance, finest) * gain).astype(np.float32)
     levels = _levels(texels, quality.precision)
     brightest = np.argmax(levels[_COARSEST].energy)
     return Light(

@@ -81,7 +81,7 @@ def _sized(radiance: np.ndarray, height: int) -> np.ndarray:
         radiance = radiance.repeat(repeats, axis=0).repeat(repeats, axis=1)
     if radiance.shape == (height, 2 * height):
         return radiance
-    return environments.resized(radiance, height)
+    return environments.resized(radiance, height).astype(np.float32, "C")
 
 
 def _lit(lamp: Lamp, height: int) -> tuple[slice, np.ndarray]:
