@@ -115,7 +115,9 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
         pixels = tf.io.decode_png(example[name], _BYTE_IMAGES[name])
         example[name] = tf.cast(pixels, tf.float32) / 255.0
     for name in filter(spec.__contains__, _HALF_IMAGES):
-        example[name] = _decoded(example[name], _HALF_IMAGES[name])
+        # The bits of half floats, as `_half_png` stores them.
+        bits = tf.io.decode_png(example[name], _HALF_IMAGES[name], tf.uint16)
+        example[name] = tf.cast(tf.bitcast(bits, tf.float16), tf.float32)
     if "environment" in spec:
         example["environment"] = tf.ensure_shape(example["environment"], (*STORED_SHAPE, 1))
     return example
@@ -197,12 +199,6 @@ def _half_png(image: Any) -> bytes:
     values = np.clip(np.asarray(image, np.float32), -LARGEST_HALF, LARGEST_HALF)
     # Adding 0 turns −0 into 0, whose bits compress better.
     return _png((values.astype(np.float16) + np.float16(0)).view(np.uint16))
-
-
-def _decoded(png: tf.Tensor, channels: int) -> tf.Tensor:
-    """Return the image `(H, W, channels)` of a PNG by `_half_png`."""
-    bits = tf.io.decode_png(png, channels, tf.uint16)
-    return tf.cast(tf.bitcast(bits, tf.float16), tf.float32)
 
 
 def _png(pixels: np.ndarray) -> bytes:
