@@ -103,16 +103,12 @@ def evaluate(
         known = engine.run(others, given)
         measured = measure(example, own) | _layers_flip(example, own, pool)
         with_mask = _errors(example, known)
-        # Values that are not finite cannot be rendered.
+        # Values that are not finite cannot be rendered; the PSNR of what can be is finite.
         for columns in (measured, with_mask):
             _check_finite(columns, model_dir, first)
         relit, relit_with_mask, average = _relit(example, [own, known], split.lobe, pool)
-        measured |= relit | average
-        with_mask |= relit_with_mask
-        for columns in (measured, with_mask):
-            _check_finite(columns, model_dir, first)
-        rows.append(measured)
-        true_mask.append(with_mask)
+        rows.append(measured | relit | average)
+        true_mask.append(with_mask | relit_with_mask)
     return Evaluation(_joined(rows), _joined(true_mask), architecture)
 
 
@@ -203,7 +199,12 @@ def _errors(
     example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """Return `predicted_bin` and the errors of all estimates but the mask."""
-    errors = _relative_errors(example, estimate)
+    errors = {}
+    for name in filter(estimate.__contains__, ("specular_shading", "mirror")):
+        true, predicted = (layers[name].astype(np.float64) for layers in (example, estimate))
+        errors[f"{name}_relative"], errors[f"{name}_lit"] = metrics.masked_relative_error(
+            true, predicted, example["mask"]
+        )
     if _has_exponent(estimate):
         errors |= _exponent_errors(example, estimate)
     for name in ("diffuse", "specular"):
@@ -309,22 +310,6 @@ def _relit(
         {"relit": relit, "relit_unseen": unseen} for relit, unseen in np.moveaxis(each, 0, -1)
     )
     return [*found, {f"average_{name}": column for name, column in average.items()}]
-
-
-def _relative_errors(
-    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Return `NAME_relative` and `NAME_lit`, `(B,)`, of the layers in `estimate`.
-
-    The errors are those inside the true mask, in double precision.
-    """
-    columns = {}
-    for name in filter(estimate.__contains__, ("specular_shading", "mirror")):
-        true, predicted = (layers[name].astype(np.float64) for layers in (example, estimate))
-        columns[f"{name}_relative"], columns[f"{name}_lit"] = metrics.masked_relative_error(
-            true, predicted, example["mask"]
-        )
-    return columns
 
 
 def _shards(split: Split) -> list[Path]:
