@@ -3,7 +3,7 @@
 import mmap
 import re
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -349,8 +349,8 @@ def of_pillow(image: "Image.Image", path: Path | None = None) -> Tags:
         points, is_narrow = _png_code_points(file)
     elif image.format == "AVIF" and file.is_file() and not profile:
         points = _nclx(file)
-    elif image.format == "HEIF" and not profile:
-        points = _points_of_heif(info)
+    elif image.format == "HEIF" and not profile and (nclx := info.get("nclx_profile")):
+        points = int(nclx["color_primaries"]), int(nclx["transfer_characteristics"])
     elif image.format == "BMP" and file.is_file():
         return _of_bmp(file)
     white_first = info.get("chromaticity")
@@ -478,12 +478,6 @@ def _open_heif(path: Path, check_size: CheckSize) -> Picture:
     with pillow_heif.HeifImageFile(path) as image:
         check_size(*image.size, 4)
         return of_image(image, path)
-
-
-def _points_of_heif(info: Mapping[Any, Any]) -> tuple[int, int] | None:
-    """Return the primaries and the transfer curve that pillow_heif tells of an image."""
-    nclx = info.get("nclx_profile")
-    return nclx and (int(nclx["color_primaries"]), int(nclx["transfer_characteristics"]))
 
 
 def _nclx(path: Path) -> tuple[int, int] | None:
