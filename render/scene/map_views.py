@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 from lime_keras.io import photo
 from lime_keras.optics import colour, environment, shading
 
-from . import backgrounds, environments, sources
+from . import backgrounds, environments, sampling, sources
 
 HEIGHT, WIDTH = 288, 384
 GREY, LARGEST = 0.18, 1e4
@@ -28,12 +28,7 @@ def view(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     rays = -shading.view_directions(
         np.array([focal, focal, WIDTH / 2, HEIGHT / 2]), HEIGHT, WIDTH
     ).reshape(-1, 3)
-    up, forward = rays[:, 1], rays[:, 2]
-    rays[:, 1] = np.cos(pitch) * up - np.sin(pitch) * forward
-    rays[:, 2] = np.sin(pitch) * up + np.cos(pitch) * forward
-    across, forward = rays[:, 0].copy(), rays[:, 2].copy()
-    rays[:, 0] = np.cos(heading) * across + np.sin(heading) * forward
-    rays[:, 2] = np.cos(heading) * forward - np.sin(heading) * across
+    rays = rays @ (sampling.turn(heading) @ sampling.tilt(pitch)).T
     channels = [environment.lookup(maps[..., band], rays) for band in range(3)]
     radiance = np.clip(np.stack(channels, -1), 1e-6, LARGEST).reshape(HEIGHT, WIDTH, 3)
     exposure = GREY / np.exp(np.log(radiance).mean()) * 2.0 ** rng.uniform(-1, 1)
