@@ -27,6 +27,8 @@ from . import kept, paint
 from .kept import Kept
 
 _CUT_OUT = 0.5  # share of SegmentationNet's photos that show a cut-out, if there are any
+_PAINTED = ("object", "background", "mask", "painted")  # features of a scene that paint changes
+_UNPAINTED = ("diffuse_shading", "diffuse_albedo")  # features that paint reads beside them
 
 OnMaking = Callable[[str, int, int], None]
 """Function called with what is made, how much of it is there, and how much there will be."""
@@ -142,16 +144,10 @@ class Studio:
 
         from lime_keras.data import pipeline
 
-        def records() -> Iterator[tuple[int, bytes, bytes]]:
-            wears = self._recipe.paint == "clutter"
-            for number in numbers:
-                other = self._scenes.record(number - 1) if wears else b""
-                yield number, self._scenes.record(number), other
-
-        kinds = (tf.int64, tf.string, tf.string)
-        dataset = tf.data.Dataset.from_generator(
-            records, output_signature=tuple(tf.TensorSpec((), kind) for kind in kinds)
-        )
+        wears = self._recipe.paint == "clutter"
+        shown = [self._scenes.record(number) for number in numbers]
+        others = [self._scenes.record(number - 1) if wears else b"" for number in numbers]
+        dataset = tf.data.Dataset.from_tensor_slices((np.array(numbers), shown, others))
         dataset = dataset.map(self._photo, num_parallel_calls=2, deterministic=True)
         options = tf.data.Options()
         options.threading.private_threadpool_size = 2
@@ -190,33 +186,26 @@ class Studio:
         return pipeline.select(pipeline.resize(example, recipe.size), recipe.features)
 
     def _paint(self, example: dict[str, Any], number: Any, other: Any) -> dict[str, Any]:
-        """Return the example with its `object`, `background`, `mask` and `painted` painted."""
+        """Return the example with its features of `_PAINTED` painted."""
         import tensorflow as tf
 
         from lime_keras.data import camera, records
 
-        changed = ("object", "background", "mask", "painted")
-        names = (*changed, "diffuse_shading", "diffuse_albedo")
         texture = example["object"]
         if self._recipe.paint == "clutter":
             image = records.parse(other, ("image",))["image"]
             texture = tf.image.resize(camera.linear(image), tf.shape(texture)[:2], "area")
 
-        def painted(number: Any, texture: Any, *values: Any) -> list[np.ndarray]:
-            scene = dict(zip(names, (np.asarray(value) for value in values), strict=True))
-            return self._painted(int(number), np.asarray(texture), scene)
-
-        out = tf.numpy_function(
-            painted, [number, texture, *(example[name] for name in names)], [tf.float32] * 4
-        )
-        for name, value in zip(changed, out, strict=True):
+        scene = [example[name] for name in (*_PAINTED, *_UNPAINTED)]
+        out = tf.numpy_function(self._painted, [number, texture, *scene], [tf.float32] * 4)
+        for name, value in zip(_PAINTED, out, strict=True):
             value.set_shape(example[name].shape)
-        return example | dict(zip(changed, out, strict=True))
+        return example | dict(zip(_PAINTED, out, strict=True))
 
-    def _painted(
-        self, number: int, texture: np.ndarray, scene: dict[str, np.ndarray]
-    ) -> list[np.ndarray]:
-        generator = np.random.default_rng((self._recipe.seed, number))
+    def _painted(self, number: Any, texture: Any, *features: Any) -> list[np.ndarray]:
+        """Return the features of `_PAINTED`, painted, of a scene of these and of `_UNPAINTED`."""
+        scene = dict(zip((*_PAINTED, *_UNPAINTED), features, strict=True))
+        generator = np.random.default_rng((self._recipe.seed, int(number)))
         light, behind, mask = (scene[name] for name in ("object", "background", "mask"))
         marks = scene["painted"]
         if self._recipe.paint == "prints":
