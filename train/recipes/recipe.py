@@ -202,10 +202,6 @@ def find(name: str) -> Recipe:
     path = Path(name)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is missing: pass a recipe's file, or {', '.join(NAMES)}")
-    return _read(path)
-
-
-def _read(path: Path) -> Recipe:
     try:
         recipe = runpy.run_path(str(path)).get("RECIPE")
     except Exception as error:  # whatever a user's lines raise
