@@ -179,12 +179,16 @@ def _shading(quantity: str) -> Term:
     )
 
 
+def _true_albedo(batch: Batch, name: str) -> Any:
+    """Return m_d `(B, 3)` or m_s `(B, 1)`."""
+    return batch[name] if name == "diffuse_albedo" else ops.expand_dims(batch[name], -1)
+
+
 def _albedo(name: str, error: Error, schedules: str) -> Term:
+    columns = slice(3) if name == "diffuse_albedo" else slice(3, None)
+
     def loss(batch: Batch, answer: StageOutputs, units: Units) -> Any:
-        albedos = answer.raw["albedos"]
-        if name == "diffuse_albedo":
-            return error(batch[name], albedos[:, :3])
-        return error(ops.expand_dims(batch[name], -1), albedos[:, 3:])
+        return error(_true_albedo(batch, name), answer.raw["albedos"][:, columns])
 
     return Term(1.0, "albedos", (name,), loss, schedules)
 
@@ -280,6 +284,13 @@ def _relative(name: str) -> StageMeasure:
     )
 
 
+def _albedo_error(name: str) -> StageMeasure:
+    return StageMeasure(
+        "albedos",
+        lambda batch, outputs: (losses.absolute(_true_albedo(batch, name), outputs[name]), 1.0),
+    )
+
+
 def _within(distance: int) -> StageMeasure:
     """Return the share of exponents within so many bins of the true one; NaN is within none."""
 
@@ -307,20 +318,6 @@ MEASURES = {
     "exponent_exact": _within(0),
     "exponent_within_one": _within(1),
     "log_exponent_mae": StageMeasure(_BINS, _log_exponent_error),
-    "diffuse_albedo_mae": StageMeasure(
-        "albedos",
-        lambda batch, outputs: (
-            losses.absolute(batch["diffuse_albedo"], outputs["diffuse_albedo"]),
-            1.0,
-        ),
-    ),
-    "specular_albedo_mae": StageMeasure(
-        "albedos",
-        lambda batch, outputs: (
-            losses.absolute(
-                ops.expand_dims(batch["specular_albedo"], -1), outputs["specular_albedo"]
-            ),
-            1.0,
-        ),
-    ),
+    "diffuse_albedo_mae": _albedo_error("diffuse_albedo"),
+    "specular_albedo_mae": _albedo_error("specular_albedo"),
 }
