@@ -37,9 +37,9 @@ def value(folder: Path, name: str, inputs: Mapping[str, Any], make: Callable[[],
         make: function that makes the result.
     """
     path = _path(folder, name, inputs, ".json")
-    held = untrusted.json_or_none(path)
-    if held is not None and held.get("inputs") == json.loads(json.dumps(inputs)):
-        return held["result"]
+    content = untrusted.json_or_none(path)
+    if content is not None and content.get("inputs") == json.loads(json.dumps(inputs)):
+        return content["result"]
     content = {"inputs": inputs, "result": make()}
     atomic.write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
     return json.loads(json.dumps(content["result"]))

@@ -37,23 +37,23 @@ _TITLES = {
 
 def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
     """Measure one run, write its files and its section, and return its table in Markdown."""
-    found = kept.evaluation(out / "kept", run, corpus, camera=camera)
+    evaluated = kept.evaluation(out / "kept", run, corpus, camera=camera)
     lobe = Split(corpus, "test").lobe
-    summary = measures.summarise(found) | {"camera": camera, "lobe": lobe}
-    choices, worst = examples.choose(found.rows), examples.worst(found.rows)
+    summary = measures.summarise(evaluated) | {"camera": camera, "lobe": lobe}
+    choices, worst = examples.choose(evaluated.rows), examples.worst(evaluated.rows)
     shown = examples.read(run, corpus, choices + worst, camera=camera)
     chosen, failed = shown[: len(choices)], shown[len(choices) :]
-    pictures = {"confusion": figures.confusions({"Exponent": evaluate.confusion(found.rows)})}
-    if "bin_probabilities" in found.rows:
-        pictures["reliability"] = figures.reliability(found.rows)
+    pictures = {"confusion": figures.confusions({"Exponent": evaluate.confusion(evaluated.rows)})}
+    if "bin_probabilities" in evaluated.rows:
+        pictures["reliability"] = figures.reliability(evaluated.rows)
     section = report.evaluation(
-        found, summary, pictures, chosen, failed, command=command, corpus=corpus, run=run
+        evaluated, summary, pictures, chosen, failed, command=command, corpus=corpus, run=run
     )
-    text = table.markdown(summary, found.architecture)
+    text = table.markdown(summary, evaluated.architecture)
     _write_json(out / "metrics.json", summary)
     write(out / "table1.md", text)
     write(out / "confusion.png", pictures["confusion"])
-    write(out / "images.csv", _csv(found.rows))
+    write(out / "images.csv", _csv(evaluated.rows))
     (out / "examples").mkdir(exist_ok=True)
     for stale in (out / "examples").glob("[0-9]*.png"):
         stale.unlink()
@@ -80,10 +80,10 @@ def compare(
     systems: dict[str, comparison.System] = {}
     # Answers come first: reading them is soon done, and may fail.
     for name, given in of_answers:
-        found = predictions.find(given)
-        if warning := found.warning():
+        answer = predictions.find(given)
+        if warning := answer.warning():
             print(f"warning: {warning}", file=sys.stderr)
-        rows[name] = kept.predictions(results, found, corpus)
+        rows[name] = kept.predictions(results, answer, corpus)
         systems[name] = comparison.other_system(rows[name])
     for name, run in of_runs:
         evaluated = kept.evaluation(results, run, corpus, camera=camera)

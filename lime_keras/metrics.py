@@ -25,9 +25,9 @@ def overlap(mask: Any, predicted: Any) -> tuple[Any, Any]:
         predicted: predicted coverage `(B, H, W, 1)` in [0, 1], of the same kind.
     """
     xp = namespace(mask, predicted)
-    true, found = mask >= 0.5, predicted >= 0.5
-    both = xp.where(xp.logical_and(true, found), 1.0, 0.0)
-    either = xp.where(xp.logical_or(true, found), 1.0, 0.0)
+    true, inside = mask >= 0.5, predicted >= 0.5
+    both = xp.where(xp.logical_and(true, inside), 1.0, 0.0)
+    either = xp.where(xp.logical_or(true, inside), 1.0, 0.0)
     return xp.sum(both, axis=(1, 2, 3)), xp.sum(either, axis=(1, 2, 3))
 
 

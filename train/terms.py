@@ -296,10 +296,10 @@ def _within(distance: int) -> StageMeasure:
 
     def of_examples(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, float]:
         if "log_exponent" in outputs:
-            found = shininess.bin_of_log(shininess.log_of_outputs(outputs))
+            predicted = shininess.bin_of_log(shininess.log_of_outputs(outputs))
         else:
-            found = ops.argmax(outputs[_BINS], axis=-1)
-        error = ops.abs(ops.cast(batch["exponent_bin"], "float32") - ops.cast(found, "float32"))
+            predicted = ops.argmax(outputs[_BINS], axis=-1)
+        error = ops.abs(ops.cast(batch["exponent_bin"], "float32") - ops.cast(predicted, "float32"))
         return error <= distance, 1.0
 
     return StageMeasure(_BINS, of_examples)
@@ -307,8 +307,8 @@ def _within(distance: int) -> StageMeasure:
 
 def _log_exponent_error(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, float]:
     """Return the absolute error of log10 s, or of the expected value of probabilities."""
-    found = ops.expand_dims(shininess.log_of_outputs(outputs), -1)
-    return losses.absolute(_true_log_exponent(batch), found), 1.0
+    predicted = ops.expand_dims(shininess.log_of_outputs(outputs), -1)
+    return losses.absolute(_true_log_exponent(batch), predicted), 1.0
 
 
 MEASURES = {

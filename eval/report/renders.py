@@ -27,8 +27,8 @@ def pairs(example: Example) -> list[Pair]:
         sphere = disc(len(truth["mask"]))
         batch = {name: np.asarray(value)[None] for name, value in truth.items()}
         true = np.asarray(true_reflectance_map(batch))[0]
-        found = estimate["reflectance_map"]
-        layers.append(_hdr_pair("Reflectance map", true, found, sphere))
+        predicted = estimate["reflectance_map"]
+        layers.append(_hdr_pair("Reflectance map", true, predicted, sphere))
     return [
         ("Mask", coloured(truth["mask"]), coloured(estimate["mask"])),
         *layers,

@@ -140,8 +140,8 @@ def _verify_split(split: Split) -> int:
         if len(texts) > _LISTED:
             print(f"{kind}: … and {len(texts) - _LISTED} more", file=sys.stderr)
     count = sum(map(len, found.values()))
-    told = f"{count} fault{'s' if count > 1 else ''}" if count else "sound"
-    print(f"{examples} examples in {split.folder}: {told}")
+    verdict = f"{count} fault{'s' if count > 1 else ''}" if count else "sound"
+    print(f"{examples} examples in {split.folder}: {verdict}")
     return int(count > 0)
 
 

@@ -58,11 +58,11 @@ def draw(examples: Sequence[Mapping], count: int, title: str) -> Image.Image:
     page = Image.new("RGB", (width, height), _PAPER)
     pen = ImageDraw.Draw(page)
     pen.text((_MARGIN, 12), title, _INK, _font(20))
-    told = (
+    legend = (
         f"{len(examples)} of {count} examples. D, S, M and the environment E, seen from the "
         "camera, as sRGB of x / (1 + x); normals as (n + 1) / 2; the swatch is the diffuse albedo."
     )
-    pen.text((_MARGIN, 40), told, _FAINT, _font())
+    pen.text((_MARGIN, 40), legend, _FAINT, _font())
     for row, example in enumerate(examples):
         left, top = _MARGIN, _HEAD + row * (_THUMB + _GAP)
         for heading, picture, across in _PICTURES:

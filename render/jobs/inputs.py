@@ -178,11 +178,11 @@ def usable(
     ]
     if not reasons:
         return left
-    told = _listed(reasons, "\n  ")
+    listed = _listed(reasons, "\n  ")
     if skip:
-        raise ValueError(f"none of the split's {' and '.join(emptied)} can be used:\n  {told}")
+        raise ValueError(f"none of the split's {' and '.join(emptied)} can be used:\n  {listed}")
     raise ValueError(
-        f"{len(reasons)} file{'s' if len(reasons) > 1 else ''} cannot be used:\n  {told}\n"
+        f"{len(reasons)} file{'s' if len(reasons) > 1 else ''} cannot be used:\n  {listed}\n"
         "mend or remove them, or pass --unusable skip"
     )
 

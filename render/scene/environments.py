@@ -99,8 +99,8 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     notes = []
     if broken:
         notes.append(f"repaired {broken} texels that were negative or not finite")
-    held = oiio.intersection(spec.roi, window)
-    absent = 1 - max(held.width, 0) * max(held.height, 0) / (window.width * window.height)
+    covered = oiio.intersection(spec.roi, window)
+    absent = 1 - max(covered.width, 0) * max(covered.height, 0) / (window.width * window.height)
     if absent > 0:
         notes.append(f"{absent:.0%} of its display window holds no data: black")
     if spec.nchannels > 4:

@@ -109,8 +109,8 @@ class _File:
         left = [(nodes[number], np.eye(4)) for number in roots]
         while left:
             node, above = left.pop()
-            told = node.get("extensions", {})
-            if told.get(_VISIBILITY, {}).get("visible") is False:
+            extensions = node.get("extensions", {})
+            if extensions.get(_VISIBILITY, {}).get("visible") is False:
                 continue  # and so is all below it
             matrix = above @ _placement(node)
             children = node.get("children", [])
@@ -118,16 +118,18 @@ class _File:
                 raise ValueError("its nodes lead to themselves")
             met.update(children)
             left += [(nodes[child], matrix) for child in children]
-            if _INSTANCES in told:
+            if _INSTANCES in extensions:
                 left += [(place, matrix) for place in self._instances(node)]
             elif "mesh" in node:
                 yield from self._mesh(node, matrix)
 
     def _instances(self, node: dict[str, Any]) -> list[dict[str, Any]]:
         """Return a node for each instance of a node's mesh."""
-        told = node["extensions"][_INSTANCES].get("attributes", {})
+        attributes = node["extensions"][_INSTANCES].get("attributes", {})
         names = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
-        values = {own: self._values(told[name]) for name, own in names.items() if name in told}
+        values = {
+            own: self._values(attributes[name]) for name, own in names.items() if name in attributes
+        }
         count = max(map(len, values.values()), default=0)
         if "mesh" not in node:
             return []
@@ -196,9 +198,9 @@ class _File:
         if "bufferView" in accessor:
             out = self._stored(accessor, count, columns, kind).copy()
         if sparse := accessor.get("sparse"):
-            few, told = sparse["count"], sparse["indices"]
-            kind_of_indices = np.dtype(f"<{_TYPES[told['componentType']]}")
-            out[self._stored(told, few, 1, kind_of_indices)[:, 0]] = self._stored(
+            few, indices = sparse["count"], sparse["indices"]
+            kind_of_indices = np.dtype(f"<{_TYPES[indices['componentType']]}")
+            out[self._stored(indices, few, 1, kind_of_indices)[:, 0]] = self._stored(
                 sparse["values"], few, columns, kind
             )
         if not accessor.get("normalized") or kind.kind == "f":

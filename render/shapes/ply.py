@@ -36,11 +36,11 @@ def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     head, _, body = data.partition(b"end_header")
     head, body = head.replace(b"\r", b"\n"), body.removeprefix(b"\r").removeprefix(b"\n")
-    told = _FORMAT.search(head)
-    if told is None or told[1] not in _ORDERS:
+    match = _FORMAT.search(head)
+    if match is None or match[1] not in _ORDERS:
         raise ValueError("it names no format of PLY")
-    kinds = {name: np.dtype(_ORDERS[told[1]] + kind) for name, kind in _TYPES.items()}
-    if told[1] == b"ascii":
+    kinds = {name: np.dtype(_ORDERS[match[1]] + kind) for name, kind in _TYPES.items()}
+    if match[1] == b"ascii":
         kinds = dict.fromkeys(kinds, np.dtype("<f8"))
         body = np.fromiter(map(float, body.split()), "<f8").tobytes()
     places, normals, polygons = np.full((1, 3), np.nan), np.full((1, 3), np.nan), []
