@@ -153,7 +153,7 @@ class Material:
         if self.image_srgb is not None and "mask" in self.layers:
             picture = preview.sheet(self.image_srgb, self)
         else:
-            picture = preview.sphere(self, _SPHERE)
+            picture = preview.sphere(self, preview.TILE)
         return Image.fromarray(np.rint(255 * picture).astype(np.uint8))
 
     def show(self) -> None:
@@ -244,7 +244,6 @@ def _written(path: str | Path, text: str) -> Path:
 
 _DERIVED = ("exponent_interval", "gloss", "glossy_probability", "roughness", "diffuse_srgb_hex")
 """Properties that `Material.to_json` writes after the fields."""
-_SPHERE = 320  # height and width in pixels of a sphere without a photo
 
 
 def srgb_hex(linear: Any) -> str:

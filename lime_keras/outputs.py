@@ -52,6 +52,8 @@ NEEDED = {
 In a system that regresses the exponent, `exponent` needs `log_exponent` instead of the
 probabilities. No system has every output, so none can give every estimate.
 """
+OF_A_FRAME = ("mask", "albedo", "exponent")
+"""What is estimated of a frame by default: a video's table and overlay show it, and no layers."""
 
 
 def available(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:

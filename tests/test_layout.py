@@ -179,14 +179,10 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module, arguments):
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
     from lime_keras.commands import estimate as estimate_command
-    from lime_keras.commands import model_option
-    from lime_keras.export import exporter
     from lime_keras.networks import PRESETS, precision
-    from lime_keras.runtime import engine, masker
+    from lime_keras.runtime import masker
     from lime_keras.train import cli
 
-    assert estimate_command._ENGINES == engine.ENGINES
-    assert model_option.PRECISIONS == engine.PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
     assert estimate_command._FAMILIES == tuple(masker.FAMILIES)
     assert cli._PRECISIONS == tuple(precision.POLICIES)
     preset = next(action for action in cli.parser()._actions if action.dest == "preset")

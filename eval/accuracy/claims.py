@@ -9,7 +9,7 @@ import numpy as np
 from ..markdown_table import aligned
 from .measures import MEASURES
 
-_FULL = "full approach"
+FULL = "full approach"
 
 
 @dataclass(frozen=True)
@@ -67,14 +67,14 @@ def judge(
     for claim in CLAIMS:
         name = claim.measure
         rows = [
-            [run[name] for run in drawn.get(row, ()) if name in run] for row in (_FULL, claim.row)
+            [run[name] for run in drawn.get(row, ()) if name in run] for row in (FULL, claim.row)
         ]
         if not all(rows):
             continue
         full, other = (np.mean(runs, axis=0) for runs in rows)
         low, high = np.percentile(other - full, (2.5, 97.5))
         signs = {float(np.sign(b.mean() - a.mean())) for a in rows[0] for b in rows[1]}
-        cells = [printed[row].get(name) for row in (_FULL, claim.row)]
+        cells = [printed[row].get(name) for row in (FULL, claim.row)]
         is_clear = (low > 0 or high < 0) and len(signs) == 1
         verdicts.append(
             {

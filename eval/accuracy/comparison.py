@@ -16,6 +16,7 @@ from lime_keras.networks import PRESETS, Architecture
 
 from ..markdown_table import ABSENT, aligned
 from . import claims, measures, units
+from .claims import FULL
 from .measures import MEASURES
 
 COLUMNS = (
@@ -33,7 +34,6 @@ COLUMNS = (
 )
 """Measures of the table, the paper's first."""
 _PRINTED = COLUMNS[:5]
-FULL = "full approach"
 _OTHER_ROWS = {
     "without perceptual loss": (0.4515, 0.4096, 0.3038, 0.1406, 0.2368),
     "without MirrorNet": (0.3629, 0.4028, 0.3913, 0.0759, 0.2449),

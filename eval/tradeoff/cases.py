@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lime_keras.runtime.engine import PRECISIONS
+from lime_keras.model.folder import PRECISIONS
 
 PHOTO, STREAM, PAGE, NETWORKS = "photo", "stream", "page", "networks"  # kinds of cases
 ONNX, KERAS, SAVED_MODEL, BROWSER = "ONNX Runtime", "Keras", "SavedModel", "Chromium"
@@ -44,7 +44,7 @@ class TimedUse:
         kind: `PHOTO`, `STREAM`, `PAGE` or `NETWORKS`.
         asked: name out of `ASKED[kind]`; `everything` for `NETWORKS`.
         runtime: `ONNX`, `KERAS`, `SAVED_MODEL` or `BROWSER`.
-        precision: precision of the graphs, out of `engine.PRECISIONS`.
+        precision: precision of the graphs, out of `folder.PRECISIONS`.
         threads: number of processor cores that the process may use.
     """
 

@@ -6,8 +6,8 @@ from typing import Any
 from ..accuracy.measures import MEASURES
 from ..markdown_table import ABSENT, aligned
 from .cases import NETWORKS, PAGE, PHOTO, STREAM
+from .recommendation import Row
 
-Row = Mapping[str, Any]
 _ERRORS = (
     *("mask_iou", "exponent_exact", "exponent_within_one", "log_exponent_mae"),
     *("diffuse_albedo_mae", "specular_albedo_mae", "specular_shading_relative"),

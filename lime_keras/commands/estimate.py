@@ -15,7 +15,7 @@ from lime_keras import console
 from lime_keras.commands import model_option
 from lime_keras.io.scanner import SUFFIXES, inside, is_camera, is_video, photo_of_mask
 from lime_keras.model import folder as model_folder
-from lime_keras.outputs import NEEDED
+from lime_keras.outputs import NEEDED, OF_A_FRAME
 from lime_keras.version import __version__
 
 if TYPE_CHECKING:
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
     from lime_keras.estimate.terminal import Printer
     from lime_keras.lighting.light_files import Clone
 
-_ENGINES = ("onnx", "keras")
 _FAMILIES = ("u2net", "birefnet", "isnet")
-_OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table and overlay show
 _VIDEO_ENDS = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
 
 INTERRUPTED = "what is done so far is in the output folder"
@@ -87,8 +85,8 @@ def parser() -> argparse.ArgumentParser:
     speed = out.add_argument_group("speed")
     speed.add_argument(
         "--engine",
-        choices=_ENGINES,
-        default=_ENGINES[0],
+        choices=model_folder.ENGINES,
+        default=model_folder.ENGINES[0],
         help="what runs the networks: ONNX Runtime, which runs a RUN's graphs, or Keras (default: "
         "onnx)",
     )
@@ -255,7 +253,7 @@ def _write(
         if photos:
             batch.run(_estimator(options, options.only), photos)
         if videos:
-            estimator = _estimator(options, options.only or _OF_A_FRAME)
+            estimator = _estimator(options, options.only or OF_A_FRAME)
             for name, video in videos.items():
                 if summary := _estimate_video(
                     estimator, video, results, name, provenances[name], printer
@@ -301,7 +299,7 @@ def _results(options: argparse.Namespace, clone_options: Mapping[str, object]) -
         "only": options.only and sorted(options.only),
         "full-size": options.full_size,
         "masker": masker and f"{masker[0]}:{digest(masker[1])}",
-        "engine": options.engine if options.engine != _ENGINES[0] else None,
+        "engine": options.engine if options.engine != model_folder.ENGINES[0] else None,
         "precision": options.precision if options.precision != "float32" else None,
         **clone_options,
     }
@@ -332,10 +330,10 @@ def _check(options: argparse.Namespace, sources: list[_Source], *, clones: bool)
             f"{options.masker[1]} is no file: pass an ONNX file to --masker; none is downloaded"
         )
     # Options that exclude each other.
-    if options.only and videos and not set(options.only) & set(_OF_A_FRAME):
+    if options.only and videos and not set(options.only) & set(OF_A_FRAME):
         raise ValueError(
             f"a video leaves no layers, so --only {','.join(options.only)} leaves nothing of "
-            f"{videos[0]}: choose from {', '.join(_OF_A_FRAME)}"
+            f"{videos[0]}: choose from {', '.join(OF_A_FRAME)}"
         )
     if clones and videos:
         raise ValueError(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from lime_keras import console
 from lime_keras.commands import model_option
+from lime_keras.model import folder as model_folder
 from lime_keras.outputs import OUTPUTS
 from lime_keras.version import __version__
 
@@ -72,7 +73,7 @@ def parser() -> argparse.ArgumentParser:
     speed = out.add_argument_group("speed")
     speed.add_argument(
         "--precision",
-        choices=model_option.PRECISIONS,
+        choices=model_folder.PRECISIONS,
         help="of the weights and layers of ONNX files; images and answers stay float32 "
         "(default: float32)",
     )

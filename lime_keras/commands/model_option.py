@@ -28,15 +28,12 @@ def add(
     )
 
 
-PRECISIONS = ("float32", "float16", "int8")  # precisions of a model's graphs, the default first
-
-
 def add_precision(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:
     """Add the option `--precision` of the graphs that ONNX Runtime runs."""
     parser.add_argument(
         "--precision",
-        choices=PRECISIONS,
-        default=PRECISIONS[0],
+        choices=model_folder.PRECISIONS,
+        default=model_folder.PRECISIONS[0],
         help="of the graphs that ONNX Runtime runs; others than float32 are written once, by "
         "`lime-export OUT --format graphs --precision int8 --weights RUN --corpus CORPUS`, and "
         "--weights is then OUT (default: float32)",

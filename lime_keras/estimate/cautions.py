@@ -12,6 +12,7 @@ import numpy as np
 from lime_keras.estimate import framing
 from lime_keras.material import Caution
 from lime_keras.optics import colour, dichromatic
+from lime_keras.optics.highlights import WHITE
 
 CONFIDENT = 0.925
 """Confidence from which a mask is trusted.
@@ -69,7 +70,6 @@ BURNT = 0.01
 
 Two of the photographs are above: what a highlight has beyond white is missing in m_s.
 """
-_WHITE = 254 / 255  # sRGB level of white; JPEG often leaves it one level below the highest
 _GREY, GREY_SHARE = 2.5 / 255, 0.99
 """Range of sRGB up to which R, G and B count as one, and the share of a grey object that has it.
 
@@ -193,7 +193,7 @@ def _of_object(
     yield from darkness
     if not darkness and bright_share(image_srgb) < FEWEST_BRIGHT:
         yield _caution("underexposed")
-    white = float(np.mean(pixels.min(axis=-1) >= _WHITE))
+    white = float(np.mean(pixels.min(axis=-1) >= WHITE))
     if white > BURNT:
         yield _caution("clipped" if white > CLIPPED else "burnt-highlight", white)
     yield from _of_colour(pixels, dichromatic.colour_spread(image_srgb, inside))
@@ -247,6 +247,6 @@ def _of_colour(pixels_srgb: np.ndarray, spread: float) -> Iterator[Caution]:
     if float(np.mean(np.ptp(pixels_srgb, axis=-1) <= _GREY)) >= GREY_SHARE:
         yield _caution("grey")
         return
-    second = dichromatic.second_colour(pixels_srgb[colour.brightest(pixels_srgb) < _WHITE])
+    second = dichromatic.second_colour(pixels_srgb[colour.brightest(pixels_srgb) < WHITE])
     if not (spread <= SPREAD and second <= dichromatic.SECOND_COLOUR):
         yield _caution("second-colour")

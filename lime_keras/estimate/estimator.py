@@ -20,11 +20,11 @@ from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.material import Caution, Material
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
-from lime_keras.model.folder import FOR_PHOTOS
+from lime_keras.model.folder import ENGINES, FOR_PHOTOS, PRECISIONS
 from lime_keras.optics import dichromatic, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
 from lime_keras.runtime import engine as runtime
-from lime_keras.runtime.engine import ENGINES, PRECISIONS, Engine
+from lime_keras.runtime.engine import Engine
 
 
 @dataclass(frozen=True)

@@ -30,9 +30,9 @@ from lime_keras.runtime.saved_model import CARD, SavedModel
 SAVED_MODEL, ONNX, WEIGHTS, GRAPHS = "savedmodel", "onnx", "weights", "graphs"
 PRECISIONS = {
     SAVED_MODEL: ("float32",),
-    ONNX: ("float32", "float16", "int8"),
+    ONNX: model_folder.PRECISIONS,
     WEIGHTS: ("float16",),
-    GRAPHS: ("float32", "float16", "int8"),
+    GRAPHS: model_folder.PRECISIONS,
 }
 """Precisions of each format, its default first. Float16 weights are computed with in float32."""
 

@@ -18,6 +18,7 @@ from typing import IO, cast
 
 from lime_keras.io import atomic, untrusted
 from lime_keras.live import page_graphs
+from lime_keras.live.server import PAGE
 from lime_keras.model import gloss_file
 from lime_keras.runtime import onnx_graphs
 from lime_keras.version import __version__
@@ -41,7 +42,6 @@ _RUNTIME = {
     },
 }
 """Files of each backend in the archive's folder `dist`."""
-_PAGE = Path(__file__).parent / "page"
 _DESCRIPTION = "engine.json"
 _PATIENCE = 60
 
@@ -62,7 +62,7 @@ def write(out: Path, run: Path, runtime: Mapping[str, bytes]) -> None:
     check(out)
     engine = onnx_graphs.load(run)
     with atomic.replacing(out) as partial:
-        shutil.copytree(_PAGE, partial)
+        shutil.copytree(PAGE, partial)
         (partial / ".nojekyll").touch()  # else GitHub Pages leaves files out
         _add_preflight(partial / "index.html")
         (partial / "graphs").mkdir()

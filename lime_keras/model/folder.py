@@ -34,6 +34,8 @@ ARCHITECTURE = "architecture.json"
 """File of the architecture; only a folder that has one holds a model."""
 WEIGHTS = ".weights.h5"  # end of the name of each subnetwork's file
 DESCRIPTION = "graphs.json"  # file that describes the exported graphs, beside them
+ENGINES = ("onnx", "keras")  # names of what runs a model's folder, the default first
+PRECISIONS = ("float32", "float16", "int8")  # precisions of a model's graphs, the default first
 LAYOUT = 1  # version of the graphs' names and meanings; it rises when earlier graphs no longer fit
 SPLIT = "dichromatic"
 """Name of the graph that is no subnetwork, and of its only answer: the split of colours, which

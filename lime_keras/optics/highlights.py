@@ -12,7 +12,7 @@ import numpy as np
 from lime_keras.optics import colour
 
 SHARE = 0.5  # share of a pixel's radiance from which its specular part hides the diffuse one
-_WHITE = 254 / 255
+WHITE = 254 / 255
 """sRGB level from which a channel counts as clipped; JPEG leaves it one below the highest."""
 _GRID = 256  # longer side of the grid on which holes are closed, in cells; highlights are larger
 _PART = 1 << 18  # pixels, about, that are summed at a time
@@ -26,7 +26,7 @@ def hidden(image_srgb: np.ndarray, specular: np.ndarray) -> np.ndarray:
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
         specular: m_s · S, linear radiance `(H, W, 1)`, at least 0.
     """
-    clipped = colour.brightest(image_srgb) >= _WHITE
+    clipped = colour.brightest(image_srgb) >= WHITE
     brightness = colour.grey(colour.srgb_to_linear(image_srgb))
     return clipped | (specular[..., 0] > SHARE * brightness)
 

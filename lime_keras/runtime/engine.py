@@ -6,8 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-ENGINES = ("onnx", "keras")  # names of the engines that run a model's folder, the default first
-PRECISIONS = ("float32", "float16", "int8")  # precisions of a model's graphs, the default first
+from lime_keras.model.folder import ENGINES, PRECISIONS
 
 
 class Answering(Protocol):
@@ -68,7 +67,7 @@ def load(
     Args:
         run: run of `lime-train`, or folder of `lime_keras.model.weights.save`.
         engine: `onnx` for the model's graphs in ONNX Runtime, or `keras`.
-        precision: precision of the graphs, out of `PRECISIONS`.
+        precision: precision of the graphs, out of `folder.PRECISIONS`.
         streaming: whether ONNX Runtime keeps the memory of a run for the next one, which makes
             small batches faster.
 

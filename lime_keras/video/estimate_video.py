@@ -25,6 +25,7 @@ from lime_keras.io.scanner import is_camera
 from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
 from lime_keras.material import Material
+from lime_keras.outputs import OF_A_FRAME
 from lime_keras.video import scenes
 from lime_keras.video.overlay import draw
 from lime_keras.video.scenes import Scene, Scenes
@@ -37,10 +38,6 @@ COLUMNS = (
     *("mask_confidence", "warnings"),
 )
 """Columns of the table that `estimate_video` writes; warnings are codes with a space between."""
-
-
-_ESTIMATED = ("mask", "albedo", "exponent")
-"""What is estimated of a frame by default: a video leaves no layers."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +121,7 @@ def estimate_video(
         table, overlay = folder / f"{name}.csv", folder / f"{name}-overlay.mp4"
         followed = Scenes()
         try:
-            _follow(shown, estimator or Estimator(only=_ESTIMATED), table, overlay, followed)
+            _follow(shown, estimator or Estimator(only=OF_A_FRAME), table, overlay, followed)
         except KeyboardInterrupt:
             if not is_camera(source):
                 raise

@@ -11,10 +11,10 @@ from lime_keras import Estimator, Material
 from lime_keras.estimate import cautions, framing
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
+from lime_keras.model.folder import ENGINES
 from lime_keras.networks import assemble, build
 from lime_keras.optics import colour, highlights, shininess
 from lime_keras.outputs import NEEDED
-from lime_keras.runtime.engine import ENGINES
 
 PHOTOS = {
     "noise": (32, 32),

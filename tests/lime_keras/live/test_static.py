@@ -50,7 +50,7 @@ def test_hosts_send_the_headers(written):
 def test_the_page_first_tells_what_is_missing(written):
     page = (written / "index.html").read_text(encoding="utf-8")
     assert page.count("browser/preflight.js") == 1
-    assert "preflight" not in (static._PAGE / "index.html").read_text(encoding="utf-8")
+    assert "preflight" not in (static.PAGE / "index.html").read_text(encoding="utf-8")
 
 
 def test_a_page_replaces_a_page_and_nothing_else(written, tmp_path):

@@ -11,8 +11,8 @@ from lime_keras import Estimator
 from lime_keras.export import exporter
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
+from lime_keras.model.folder import ENGINES
 from lime_keras.runtime import engine as runtime
-from lime_keras.runtime.engine import ENGINES
 
 PHOTO = np.random.default_rng(0).uniform(size=(40, 90, 3)).astype(np.float32)
 
