@@ -73,7 +73,6 @@ class Batch:
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
         self._subnetworks: list[str] = []
         self.finished: dict[str, dict[str, Any]] = {}
-        self._failed = 0
 
     def check_names(self, photos: Iterable[Path]) -> None:
         """Raise ValueError if a mask or normals could be meant for several photos."""
@@ -107,8 +106,7 @@ class Batch:
         try:
             with tqdm(total=len(photos), unit="photo", delay=2, disable=None) as bar:
                 for _ in self._estimate(estimator, photos):
-                    bar.update(len(self.finished) + self._failed - bar.n)
-                bar.update(len(self.finished) + self._failed - bar.n)
+                    bar.update()
         finally:
             self._writer.shutdown(cancel_futures=True)
             # What was written when the run was interrupted is there, too.
@@ -154,6 +152,7 @@ class Batch:
                 one = _Input(path, name, self.provenance(path), *self._read(path))
             except (ValueError, OSError, MemoryError) as error:
                 self._fail(path, error)
+                yield
                 continue
             finally:
                 self._seconds["reading"] += time.perf_counter() - begun
@@ -206,7 +205,6 @@ class Batch:
         return draft.numbers, interchange.remarks(material)
 
     def _fail(self, path: Path, error: Exception) -> None:
-        self._failed += 1
         text = str(error)
         self._printer.error(text if str(path) in text else f"{path}: {text}")
 
