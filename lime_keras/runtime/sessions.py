@@ -39,10 +39,16 @@ class Session:
     def opened(self) -> onnxruntime.InferenceSession:
         """Return the session of this process."""
         if self._session is None:
+            options = onnxruntime.SessionOptions()
+            # Left to itself, ONNX Runtime binds a thread to every core of the machine.
+            options.intra_op_num_threads = processors.count()
+            # Each graph has threads of its own. Threads that wait for work by spinning would take
+            # the processor from the next graph.
+            options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+            # The arena keeps the largest batch's memory for the life of the process.
+            options.enable_cpu_mem_arena = self._streaming
             self._session = onnxruntime.InferenceSession(
-                self._content(),
-                options(streaming=self._streaming),
-                providers=["CPUExecutionProvider"],
+                self._content(), options, providers=["CPUExecutionProvider"]
             )
         return self._session
 
@@ -78,16 +84,3 @@ def _leave_all() -> None:
 
 
 os.register_at_fork(after_in_child=_leave_all)
-
-
-def options(*, streaming: bool = False) -> onnxruntime.SessionOptions:
-    """Return the options of a session that runs beside others."""
-    out = onnxruntime.SessionOptions()
-    # Left to itself, ONNX Runtime binds a thread to every core of the machine.
-    out.intra_op_num_threads = processors.count()
-    # Each graph has threads of its own. Threads that wait for work by spinning would take the
-    # processor from the next graph.
-    out.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    # The arena keeps the largest batch's memory for the life of the process.
-    out.enable_cpu_mem_arena = streaming
-    return out
