@@ -195,7 +195,7 @@ def compositing_l1(
     ambient: Any,
     diffuse_shading: Any,
     specular_compressed: Any,
-    clipped: Any = None,
+    clipped: Any,
     balance: Any = 1.0,
 ) -> Any:
     """Return the mean absolute error of the recomposed image, our Eq. 5, `(B,)`, at least 0.
@@ -215,8 +215,7 @@ def compositing_l1(
         diffuse_shading: true D, linear radiance `(B, H, W, 1)`.
         specular_compressed: predicted S `(B, H, W, 1)`, compressed by log(1 + x).
         clipped: `(B, H, W, 3)`, above 0 where a channel was clipped. If the photo was made smaller,
-            this holds for any part of the pixel. By default the channels at `colour.CLIPPED` and
-            above.
+            this holds for any part of the pixel.
         balance: gains of the photo's channels `(B, H, W, 3)`, where its white balance errs.
 
     Example:
@@ -224,14 +223,11 @@ def compositing_l1(
 
         >>> grey = ops.full((1, 2, 2, 3), colour.linear_to_srgb(0.25))
         >>> one, zero = ops.ones((1, 2, 2, 1)), ops.zeros((1, 2, 2, 1))
-        >>> error = compositing_l1(
-        ...     grey, one, ops.full((1, 3), 0.25), ops.zeros((1, 1)), ops.zeros((1,)), one, zero
-        ... )
+        >>> m_d, m_s, m_a = ops.full((1, 3), 0.25), ops.zeros((1, 1)), ops.zeros((1,))
+        >>> error = compositing_l1(grey, one, m_d, m_s, m_a, one, zero, clipped=0 * grey)
         >>> round(float(error[0]), 6)
         0.0
     """
-    if clipped is None:
-        clipped = ops.cast(image_srgb >= colour.CLIPPED, image_srgb.dtype)
     specular_shading = expand(specular_compressed)
     composed = balance * compose(
         diffuse_albedo, specular_albedo, ambient, diffuse_shading, specular_shading

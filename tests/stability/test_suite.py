@@ -159,7 +159,7 @@ def masked_mean_in_half(values, mask):
     return ops.sum(inside * mask, axis=(1, 2, 3)) / ops.maximum(weight, 1e-6)
 
 
-def two_sided_compositing(image, mask, m_d, m_s, m_a, diffuse, compressed, clipped=None):
+def two_sided_compositing(image, mask, m_d, m_s, m_a, diffuse, compressed, clipped):
     composed = compose(m_d, m_s, m_a, diffuse, dynamic_range.expand(compressed))
     error = ops.abs(composed - colour.srgb_to_linear(image))
     return masking.masked_mean(error, ops.cast(mask >= 1, error.dtype))

@@ -5,6 +5,7 @@ import itertools
 from typing import Any
 
 import numpy as np
+from keras import ops
 
 from lime_keras import losses
 from lime_keras.eval.stability.verdicts import Case, Outcome
@@ -47,7 +48,8 @@ def _compose(*arguments: Any) -> Any:
 def _compositing_loss(
     m_d: Any, m_s: Any, m_a: Any, compressed: Any, image: Any, mask: Any, diffuse: Any
 ) -> Any:
-    return losses.compositing_l1(image, mask, m_d, m_s, m_a, diffuse, compressed)
+    clipped = ops.cast(image >= colour.CLIPPED, image.dtype)
+    return losses.compositing_l1(image, mask, m_d, m_s, m_a, diffuse, compressed, clipped)
 
 
 def _composed(albedo: float, shading: float, precision: Precision) -> Outcome:
