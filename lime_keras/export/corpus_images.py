@@ -35,13 +35,8 @@ def pictures(corpus: Path, split_name: str, size: int) -> np.ndarray:
     split.check_size(size)
     is_train = split_name == "train"
     shards = pipeline.training_shards(corpus)[0] if is_train else pipeline.verified_shards(split)
-    return first(shards, size)
-
-
-def first(shards: list[Path], size: int, count: int = _COUNT) -> np.ndarray:
-    """Return the first images of shards, at most `count`."""
     dataset = pipeline.evaluation(
-        shards, size=size, batch_size=count, camera=True, features=("image",)
+        shards, size=size, batch_size=_COUNT, camera=True, features=("image",)
     )
     batches = pipeline.naming_damage(dataset.take(1).as_numpy_iterator(), shards)
     batch = next(batches, None)

@@ -9,6 +9,7 @@ import pytest
 
 from lime_keras import __version__
 from lime_keras.commands import export as export_cli
+from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.export import exporter, formats, parity, quantisation
 from lime_keras.model import folder as model_folder
@@ -162,9 +163,10 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
     assert set(differences) == {"extremes", "pictures"}
     assert all(value["mask"] < 1e-6 for value in differences.values())
     shards = Split(corpus, "test").shard_paths()
-    pictures = exporter.corpus_images.first(shards, 32, 9)
-    assert len(pictures) == 4
-    np.testing.assert_array_equal(np.concatenate(shown)[-4:], pictures)
+    shots = pipeline.evaluation(shards, size=32, batch_size=9, camera=True, features=("image",))
+    [batch] = shots.as_numpy_iterator()
+    assert len(batch["image"]) == 4
+    np.testing.assert_array_equal(np.concatenate(shown)[-4:], batch["image"])
 
 
 def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path, capsys):
