@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import functools
-import itertools
 import os
 import re
 import sys
@@ -192,11 +191,10 @@ def run(
         make_clone: function that returns the renderer of clones; called once the options are
             checked. None to render none.
     """
-    there = [is_camera(text) or os.path.exists(text) for text in options.sources]
-    missing = [text for text, is_there in zip(options.sources, there, strict=True) if not is_there]
+    missing = [text for text in options.sources if not (is_camera(text) or os.path.exists(text))]
     for text in missing:
         print(f"error: {text} does not exist: check its name", file=sys.stderr)
-    sources = _sorted(itertools.compress(options.sources, there))
+    sources = _sorted(text for text in options.sources if text not in missing)
     if not sources:
         return 1
     _check(options, sources, clones=make_clone is not None)
