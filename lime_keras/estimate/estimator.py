@@ -119,14 +119,14 @@ class Estimator:
         self.size, self.system = self._engine.size, self._engine.system
         if isinstance(only, str):
             raise ValueError(f"only is a list of names: pass [{only!r}]")
-        needed = available(self._engine.outputs)
+        self._needed = available(self._engine.outputs)
         self._full_size = full_size
-        self._only = set(needed if only is None else only)
-        unknown = sorted(self._only - set(needed))
+        self._only = set(self._needed if only is None else only)
+        unknown = sorted(self._only - set(self._needed))
         if unknown or not self._only:
             raise ValueError(
                 f"cannot estimate {unknown}: {weights} holds "
-                f"{self._engine.system}; choose from {', '.join(needed)}"
+                f"{self._engine.system}; choose from {', '.join(self._needed)}"
             )
         self._outputs = self._outputs_of(self._only)
         self.subnetworks = (
@@ -366,8 +366,7 @@ class Estimator:
 
     def _outputs_of(self, only: Collection[str]) -> list[str]:
         """Return the names of the outputs, all but the mask, that estimates need."""
-        needed = available(self._engine.outputs)
-        return sorted({output for name in only for output in needed[name]} - {"mask"})
+        return sorted({output for name in only for output in self._needed[name]} - {"mask"})
 
     def _run(self, outputs: Collection[str], **inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Return the model's outputs of a view by name; raise ValueError if one is not finite."""
