@@ -12,7 +12,7 @@ import shutil
 import tempfile
 import threading
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -133,40 +133,38 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._send_error(HTTPStatus.NOT_FOUND, "gone", f"there is no {self.path}")
 
-    def _one_at_a_time(self, answer: Any, body: bytes) -> None:
+    def _one_at_a_time(self, answer: Callable[[bytes], tuple[str, bytes]], body: bytes) -> None:
         if not self.server.busy.acquire(blocking=False):
             self._send_error(
                 HTTPStatus.SERVICE_UNAVAILABLE, "busy", "another frame is being estimated"
             )
             return
         try:
-            status, kind, content = answer(body)
+            response = HTTPStatus.OK, *answer(body)
         except ValueError as error:
-            status, kind, content = _error_response(HTTPStatus.BAD_REQUEST, "frame", str(error))
+            response = _error_response(HTTPStatus.BAD_REQUEST, "frame", str(error))
         except MemoryError:
             message = "not enough memory for this picture: make it smaller"
-            status, kind, content = _error_response(HTTPStatus.BAD_REQUEST, "frame", message)
+            response = _error_response(HTTPStatus.BAD_REQUEST, "frame", message)
         except Exception as error:
             # One frame must not end the page; the terminal has the whole story.
             traceback.print_exc()
             message = f"the estimate failed ({type(error).__name__}); the terminal says more"
-            status, kind, content = _error_response(
-                HTTPStatus.INTERNAL_SERVER_ERROR, "frame", message
-            )
+            response = _error_response(HTTPStatus.INTERNAL_SERVER_ERROR, "frame", message)
         finally:
             self.server.busy.release()
-        self._send(status, kind, content)
+        self._send(*response)
 
-    def _estimate(self, body: bytes) -> tuple[HTTPStatus, str, bytes]:
+    def _estimate(self, body: bytes) -> tuple[str, bytes]:
         request = wire.unpack(body)
         if request.restart:
             self.server.session.restart()
         result = self.server.session.process(request.image_srgb, request.mask, request.frame)
         height, width, _ = request.image_srgb.shape
         content = wire.pack(result, number=request.number, width=width, height=height)
-        return HTTPStatus.OK, "application/octet-stream", content
+        return "application/octet-stream", content
 
-    def _decode(self, body: bytes) -> tuple[HTTPStatus, str, bytes]:
+    def _decode(self, body: bytes) -> tuple[str, bytes]:
         """Return a picture that the browser cannot read, such as HEIC or OpenEXR, as a PNG."""
         suffix = self.headers.get("X-Suffix", "").lower()
         if suffix not in SUFFIXES:
@@ -178,7 +176,7 @@ class _Handler(BaseHTTPRequestHandler):
                 photo.write(png, photo.read_srgb(picture))
             except ValueError as error:
                 raise ValueError(str(error).replace(str(picture), "the picture")) from error
-            return HTTPStatus.OK, "image/png", png.read_bytes()
+            return "image/png", png.read_bytes()
 
     def _is_same_origin(self, *, origin_needed: bool) -> bool:
         """Return whether the request is from the server's own page; refuse it if not."""
