@@ -15,15 +15,6 @@ import numpy as np
 
 from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
-from lime_keras.model.folder import (
-    ARCHITECTURE,
-    DESCRIPTION,
-    WEIGHTS,
-    check_present,
-    folder,
-    graphs,
-    has_weights_in_graphs,
-)
 from lime_keras.networks import Architecture, build, subnetwork_names
 
 _LEAST_COMPRESSED = 256  # number of values from which on it is worth to compress an array
@@ -52,7 +43,7 @@ def save(
     for name, network in subnetworks.items():
         _write(model, name, network, half)
     text = json.dumps(dataclasses.asdict(architecture), indent=2)
-    atomic.write(model / ARCHITECTURE, text + "\n")
+    atomic.write(model / model_folder.ARCHITECTURE, text + "\n")
 
 
 def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, keras.Model]]:
@@ -71,23 +62,21 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
         ValueError: if a file is broken, holds NaN or infinity, or belongs to another version of
             this package.
     """
-    model = folder(model)
+    model = model_folder.folder(model)
     architecture = read_architecture(model)
-    exported = has_weights_in_graphs(model)
+    exported = model_folder.has_weights_in_graphs(model)
+    graphs, read = model_folder.graphs(model), _read_graph if exported else _read
     paths = {
-        name: graphs(model) / f"{name}.onnx" if exported else _weights_path(model, name)
+        name: graphs / f"{name}.onnx" if exported else _weights_path(model, name)
         for name in subnetwork_names(architecture)
     }
     if not whole:
         paths = {name: path for name, path in paths.items() if path.is_file()}
-    check_present(model, *paths.values())
+    model_folder.check_present(model, *paths.values())
     built = build(architecture)
     subnetworks = {name: built[name] for name in paths}
     for name, path in paths.items():
-        if exported:
-            _read_graph(path, name, graphs(model), subnetworks[name])
-        else:
-            _read(path, subnetworks[name])
+        read(path, subnetworks[name])
         _check_finite(path, subnetworks[name])
     return architecture, subnetworks
 
@@ -102,9 +91,9 @@ def read_architecture(model: Path) -> Architecture:
         FileNotFoundError: if the folder holds no model.
         ValueError: if its file cannot be read.
     """
-    model = folder(model)
-    description = model / ARCHITECTURE
-    check_present(model, description)
+    model = model_folder.folder(model)
+    description = model / model_folder.ARCHITECTURE
+    model_folder.check_present(model, description)
     try:
         settings = untrusted.read_json(description).items()
         return Architecture(**dict(one for one in settings if one not in _RETIRED))
@@ -186,14 +175,15 @@ def _check_finite(path: Path, network: keras.Model) -> None:
             )
 
 
-def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> None:
+def _read_graph(path: Path, network: keras.Model) -> None:
     # Only models whose weights lie in graphs take the package `onnx`.
     from lime_keras.model import weights_in_graphs
 
+    folder, name = path.parent, path.stem
     description = model_folder.read_description(folder)
     if description is None or name not in description.graphs:
         raise ValueError(
-            f"{folder / DESCRIPTION} does not describe {path.name}: "
+            f"{folder / model_folder.DESCRIPTION} does not describe {path.name}: "
             f"{model_folder.repair_hint(folder)}"
         )
     stored = weights_in_graphs.read(
@@ -208,4 +198,4 @@ def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> No
 
 
 def _weights_path(model: Path, name: str) -> Path:
-    return model / f"{name}{WEIGHTS}"
+    return model / f"{name}{model_folder.WEIGHTS}"
