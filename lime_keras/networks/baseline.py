@@ -17,7 +17,7 @@ def reflectance_map_net(architecture: Architecture) -> keras.Model:
     size, width = architecture.size, architecture.encoder_width
     masked_image = keras.Input((size, size, 3), name="masked_image")
     features = encoder(masked_image, width=width, dense_width=architecture.dense_width)
-    sphere = decoder(features, size=size, width=width, channels=3)
+    sphere = decoder(features, size=size, width=width)
     return keras.Model(masked_image, sphere, name="reflectance_map_net")
 
 

@@ -27,9 +27,7 @@ def convolutions(x: KerasTensor, width: int, name: str) -> KerasTensor:
     return _convolution(_convolution(x, width, f"{name}_conv1"), width, f"{name}_conv2")
 
 
-def unet(
-    x: KerasTensor, *, width: int, depth: int, channels: int, head: str = "head"
-) -> KerasTensor:
+def unet(x: KerasTensor, *, width: int, depth: int, head: str) -> KerasTensor:
     """Apply a U-Net whose skip connections concatenate.
 
     Args:
@@ -37,11 +35,10 @@ def unet(
         width: channels of the first level; each level below doubles the channels, to at most eight
             times this number.
         depth: number of levels below the first.
-        channels: number of output channels.
         head: name of the last layer, which says how its numbers are read (`registry.PLAIN_HEAD`).
 
     Returns:
-        `(B, H, W, channels)`, linear (no activation function), float32.
+        `(B, H, W, 1)`, linear (no activation function), float32.
     """
     widths = [width * min(2**level, 8) for level in range(depth + 1)]
     skips = []
@@ -57,18 +54,17 @@ def unet(
         x = convolutions(x, widths[level], f"up{level}")
     # Linear: with a softplus head the output became all black in training
     # (docs/explanation/decisions.md).
-    return layers.Conv2D(channels, 1, dtype="float32", name=head)(x)
+    return layers.Conv2D(1, 1, dtype="float32", name=head)(x)
 
 
-def pretrained_unet(image: KerasTensor, *, channels: int) -> KerasTensor:
+def pretrained_unet(image: KerasTensor) -> KerasTensor:
     """Apply a U-Net whose encoder is EfficientNet-Lite0, with one convolution a level behind it.
 
     Args:
         image: sRGB in [0, 1], `(B, H, W, 3)`; H and W divisible by 32.
-        channels: number of output channels.
 
     Returns:
-        `(B, H, W, channels)`, linear (no activation function), float32; 0 before training.
+        `(B, H, W, 1)`, linear (no activation function), float32; 0 before training.
     """
     stem = _convolution(image, 16, "stem")
     *skips, x = [stem, *features(image)]
@@ -76,7 +72,7 @@ def pretrained_unet(image: KerasTensor, *, channels: int) -> KerasTensor:
         x = layers.UpSampling2D(interpolation="nearest", name=f"up{level}")(x)
         x = layers.Concatenate(name=f"skip{level}")([x, skips[level]])
         x = _convolution(x, width, f"up{level}_conv")
-    return layers.Conv2D(channels, 1, kernel_initializer="zeros", dtype="float32", name="head")(x)
+    return layers.Conv2D(1, 1, kernel_initializer="zeros", dtype="float32", name="head")(x)
 
 
 def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
@@ -115,7 +111,7 @@ class HueOfPixels(layers.Layer):
         return ops.concatenate([diffuse, albedos[:, 3:]], axis=-1)
 
 
-def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> KerasTensor:
+def decoder(features: KerasTensor, *, size: int, width: int) -> KerasTensor:
     """Apply the reverse of `encoder`: a dense layer, five blocks of upsampling and convolution.
 
     Args:
@@ -123,10 +119,9 @@ def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> K
         size: height and width of the output in pixels; divisible by 32.
         width: channels of the last block; each block before has twice the channels, to at most
             eight times this number.
-        channels: number of output channels.
 
     Returns:
-        `(B, size, size, channels)`, linear (no activation function), float32.
+        `(B, size, size, 3)`, linear (no activation function), float32.
     """
     side = size // 2**ENCODER_BLOCKS
     widths = [width * min(2**block, 8) for block in range(ENCODER_BLOCKS)]
@@ -140,4 +135,4 @@ def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> K
     for block in reversed(range(ENCODER_BLOCKS)):
         x = layers.UpSampling2D(interpolation="nearest", name=f"decoder{block}_up")(x)
         x = _convolution(x, widths[block], f"decoder{block}_conv")
-    return layers.Conv2D(channels, 1, dtype="float32", name="head")(x)
+    return layers.Conv2D(3, 1, dtype="float32", name="head")(x)

@@ -28,7 +28,7 @@ def segmentation_net(architecture: Architecture) -> keras.Model:
     """
     image = keras.Input((architecture.size, architecture.size, 3), name="image")
     if architecture.pretrained:
-        coarse = pretrained_unet(image, channels=1)
+        coarse = pretrained_unet(image)
         mask = GuidedFilter(dtype="float32", name="guided")([coarse, image])
     else:
         mask = _unet(image, architecture, plain=not architecture.mask_contrast)
@@ -142,10 +142,5 @@ def _radiance(architecture: Architecture, name: str) -> str:
 
 
 def _unet(x: keras.KerasTensor, architecture: Architecture, *, plain: bool) -> keras.KerasTensor:
-    return unet(
-        x,
-        width=architecture.unet_width,
-        depth=architecture.unet_depth,
-        channels=1,
-        head=PLAIN_HEAD if plain else "head",
-    )
+    head = PLAIN_HEAD if plain else "head"
+    return unet(x, width=architecture.unet_width, depth=architecture.unet_depth, head=head)
