@@ -2,7 +2,6 @@
 
 import functools
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +66,8 @@ class TrialSystem:
 
     def answers(self, precision: Precision, batch: np.ndarray) -> Answers:
         """Return the network's outputs for images `(B, S, S, 3)` in a precision."""
-        return _numpy(self._network(precision)(tf.constant(batch, tf.float32)))
+        found = self._network(precision)(tf.constant(batch, tf.float32))
+        return {name: np.asarray(x).astype(np.float64) for name, x in found.items()}
 
     def exact(self, image: str) -> Answers:
         """Return the outputs in double precision for one of `images`."""
@@ -139,7 +139,3 @@ class TrialSystem:
         if not precision.compiled:
             return network
         return tf.function(lambda batch: network(batch, training=False), jit_compile=True)
-
-
-def _numpy(answer: Mapping[str, Any]) -> Answers:
-    return {name: np.asarray(x).astype(np.float64) for name, x in answer.items()}
