@@ -41,7 +41,7 @@ def read_by(
 ) -> dict[str, keras.Model]:
     """Return the independent subnetworks that those that learn read, or that these in turn read."""
     out = dict(learning)
-    for name, network in reversed(independent.items()):
+    for name, network in reversed(list(independent.items())):
         if not set(required_inputs(out)).isdisjoint(predictors({name: network})):
             out = {name: network, **out}
     return {name: network for name, network in out.items() if name in independent}
