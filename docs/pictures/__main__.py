@@ -85,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--only",
         nargs="+",
-        choices=("layers", "dichromatic", "first-material", "photographs", "live"),
+        choices=("layers", "road", "dichromatic", "first-material", "photographs", "live"),
     )
     out.add_argument(
         "--out",
