@@ -7,6 +7,7 @@ corpus, and the benchmark's own number, `CODE`, which is raised by hand where it
 """
 
 import argparse
+import functools
 import hashlib
 import json
 import math
@@ -143,6 +144,8 @@ def _below_root(arguments: Sequence[str]) -> list[str]:
 
 
 def _commit() -> str:
-    """Return the commit of the checkout, with `-dirty` if a file of it is changed."""
-    command = ["git", "describe", "--always", "--dirty"]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout.strip()
+    """Return the commit of the checkout, with `-dirty` if a file beside the figures is changed."""
+    git = functools.partial(subprocess.run, cwd=ROOT, capture_output=True, text=True)
+    commit = git(["git", "describe", "--always"]).stdout.strip()
+    beside = git(["git", "diff", "--quiet", "HEAD", "--", ".", ":!docs/results"])
+    return f"{commit}-dirty" if beside.returncode else commit

@@ -1,6 +1,7 @@
 """The files of figures: how a figure is written, and when a file no longer fits."""
 
 import json
+import subprocess
 import sys
 
 import pytest
@@ -86,3 +87,20 @@ def test_what_is_stopped_goes_on_with_the_files_that_are_left(written, monkeypat
     assert results.main() == 0
     assert ran == ["a", "b", "b", "c"]
     assert "mine" in capsys.readouterr().out
+
+
+def test_figures_that_were_just_measured_do_not_make_the_next_ones_dirty(tmp_path, monkeypatch):
+    monkeypatch.setattr(record, "ROOT", tmp_path)
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(tmp_path)]
+    figures, code = tmp_path / "docs" / "results" / "one.json", tmp_path / "code.py"
+    figures.parent.mkdir(parents=True)
+    figures.write_text("{}", encoding="utf-8")
+    code.write_text("1", encoding="utf-8")
+    for command in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "first"]):
+        subprocess.run([*git, *command], check=True)
+    clean = record._commit()
+    assert clean and not clean.endswith("-dirty")
+    figures.write_text("[]", encoding="utf-8")
+    assert record._commit() == clean
+    code.write_text("2", encoding="utf-8")
+    assert record._commit() == f"{clean}-dirty"
