@@ -2,7 +2,8 @@
 
 Each case is timed in processes of its own (`timing`). In each round every case is timed once, so
 that other programs on the machine disturb all cases alike. Every measurement is kept as soon as it
-is made (`kept`), so that a command that was stopped goes on.
+is made (`kept`), so that a command that was stopped goes on. Another list of models is timed anew:
+times of different hours differ by themselves.
 """
 
 import dataclasses
@@ -46,12 +47,12 @@ def measure(
         camera: show photos of the scenes (`lime_keras.data.camera`) instead of clean images.
 
     Returns:
-        As JSON: `machine`, `date`, `load` (average number of running processes at the start),
-        `corpus`, `camera`, `count` of test images, `rounds`, `scored` (the measures in the score),
-        `refused` (why a model has no rows in a precision), `rows`, and `advice`
-        (`recommendation.advise`). A row has the attributes of a `TimedUse`, the times of
-        `timing.pooled`, `model_mib`, and, but for `paper`, `errors`, `interval`, `chance` and
-        `score`.
+        As JSON: `machine`, `date`, `timed` (when the first and the last case was timed, in UTC),
+        `load` (average number of running processes at the start), `corpus`, `camera`, `count` of
+        test images, `rounds`, `scored` (the measures in the score), `refused` (why a model has no
+        rows in a precision), `rows`, and `advice` (`recommendation.advise`). A row has the
+        attributes of a `TimedUse`, the times of `timing.pooled`, `model_mib`, and, but for
+        `paper`, `errors`, `interval`, `chance` and `score`.
 
     Raises:
         FileNotFoundError: if a run holds no trained model, or the corpus lacks a split.
@@ -87,7 +88,7 @@ def measure(
         for (name, precision), path in tqdm(variants.items(), "errors", **console.bar_options())
     }
     scored = recommendation.scored(list(errors.values()))
-    rows = _timed(paths, runs, results)
+    rows, timed = _timed(paths, runs, results)
     for row in rows:
         if row["model"] != PAPER:
             row |= errors[row["model"], row["precision"]]
@@ -95,6 +96,7 @@ def measure(
     return {
         "machine": machine.describe(),
         "date": datetime.datetime.now().astimezone().isoformat(timespec="minutes"),
+        "timed": timed,
         "load": load,
         "corpus": str(corpus),
         "camera": camera,
@@ -134,29 +136,25 @@ def _errors(
 
 def _timed(
     paths: Mapping[TimedUse, Path], runs: Mapping[str, Path], results: Path
-) -> list[dict[str, Any]]:
-    """Time all cases in turns, and return a row for each case with its rounds pooled."""
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Time all cases in turns.
+
+    Returns:
+        A row for each case with its rounds pooled, and when the first and the last was timed.
+    """
     about = machine.describe()
-    hardware = {name: about[name] for name in ("processor", "cores", "packages")}
+    of_what = {
+        **timing.EFFORT,
+        "weights": {name: model_folder.digest(run) for name, run in runs.items()},
+        "machine": {name: about[name] for name in ("processor", "cores", "packages")},
+    }
     rounds: dict[TimedUse, list[Any]] = {case: [] for case in paths}
     turns = [(number, case) for number in range(ROUNDS) for case in paths]
     for number, case in tqdm(turns, "times", unit="process", **console.bar_options()):
-        weights = model_folder.digest(runs[case.model]) if case.model in runs else PAPER
-        inputs = {
-            **dataclasses.asdict(case),
-            **timing.EFFORT,
-            **{"weights": weights, "machine": hardware, "round": number},
-        }
-        path = paths[case]
-        rounds[case].append(
-            kept.value(
-                results,
-                f"times/{case.name}",
-                inputs,
-                functools.partial(timing.measure, case, path, PICTURE),
-            )
-        )
-    return [
+        inputs = {**dataclasses.asdict(case), **of_what, "round": number}
+        make = functools.partial(_timed_once, case, paths[case])
+        rounds[case].append(kept.value(results, f"times/{case.name}", inputs, make))
+    rows = [
         {
             **dataclasses.asdict(case),
             **timing.pooled(measured),
@@ -164,3 +162,11 @@ def _timed(
         }
         for case, measured in rounds.items()
     ]
+    ends = sorted(one["at"] for measured in rounds.values() for one in measured)
+    return rows, [ends[0], ends[-1]]
+
+
+def _timed_once(case: TimedUse, path: Path) -> dict[str, Any]:
+    """Return a result of `timing.measure`, and when it was measured, as `at` in UTC."""
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="minutes")
+    return timing.measure(case, path, PICTURE) | {"at": now}

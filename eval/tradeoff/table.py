@@ -64,14 +64,16 @@ def _conditions(result: Mapping[str, Any]) -> str:
     instructions = ", ".join(machine["instructions"]) or "unknown instructions"
     camera = ", photographed" if result["camera"] else ""
     scored = ", ".join(MEASURES[name].short for name in result["scored"])
+    begun, ended = result["timed"]
     return (
-        f"{result['date']}, {machine['processor']} ({instructions}), {machine['cores']} cores, "
+        f"{machine['processor']} ({instructions}), {machine['cores']} cores, "
         f"{machine['memory_gib']} GiB, {machine['system']}; Python {machine['python']}, "
         f"{packages}. Load as it began: {result['load']:.1f}. Times are medians over the calls of "
-        f"{result['rounds']} processes of their own, taken in turns, after warm-up, from the "
-        "picture in memory to the answer in memory; the networks alone beside. Busy: processor "
-        "seconds a second; far below the cores, other programs were in the way. Errors are those "
-        f"of {result['count']} test images of {result['corpus']}{camera}, by the same engine. "
+        f"{result['rounds']} processes of their own, taken in turns from {begun} to {ended}, "
+        "after warm-up, from the picture in memory to the answer in memory; the networks alone "
+        "beside. Busy: processor seconds a second; far below the cores, other programs were in "
+        f"the way. Errors are those of {result['count']} images of {result['corpus']}{camera}, by "
+        "the same engine. "
         f"Score: mean of error ÷ chance over {scored}; 0 is perfect, 1 knows nothing. `paper` is "
         f"the paper's architecture, untrained (on a Titan Xp: {_TITAN_XP_MS} ms in its networks)."
         + "".join(f" {name} is left out: {why}." for name, why in result["refused"].items())

@@ -16,7 +16,7 @@ RESULT = {
         **{"processor": "P", "cores": 2, "instructions": ["avx2"], "memory_gib": 8.0},
         **{"system": "S", "python": "3.11", "packages": {"numpy": "2"}},
     },
-    "date": "2026-01-01",
+    "timed": ["2026-01-01T10:00+00:00", "2026-01-01T11:00+00:00"],
     "load": 0.1,
     "corpus": "corpus",
     "camera": False,
