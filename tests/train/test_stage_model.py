@@ -27,14 +27,17 @@ REGRESSION = dataclasses.replace(SMALL, exponent="regression")
 BASELINE = dataclasses.replace(SMALL, system="reflectance-map")
 LIME = subnetwork_names(SMALL)
 JOINT = ("specular", "mirror", "exponent", "albedo")
+OF_BASELINE = (BASELINE, ("reflectance_map", "material"))
+# Last stages. The full system and the one that differs most are quick.
 LAST = [
-    (SMALL, JOINT),
-    (NO_MIRROR, ("specular", "exponent", "albedo")),
-    (REGRESSION, JOINT),
-    (BASELINE, ("reflectance_map", "material")),
+    pytest.param((SMALL, JOINT), id="full"),
+    pytest.param(
+        (NO_MIRROR, ("specular", "exponent", "albedo")), id="no mirror", marks=pytest.mark.slow
+    ),
+    pytest.param((REGRESSION, JOINT), id="regression", marks=pytest.mark.slow),
+    pytest.param(OF_BASELINE, id="baseline"),
 ]
-LAST_NAMES = ["full", "no mirror", "regression", "baseline"]
-STAGES = [(SMALL, stage.subnetworks) for stage in SCHEDULES["paper"].stages(SMALL)] + LAST[-1:]
+STAGES = [(SMALL, stage.subnetworks) for stage in SCHEDULES["paper"].stages(SMALL)] + [OF_BASELINE]
 
 
 @pytest.fixture(scope="module")
@@ -213,8 +216,9 @@ def test_a_regressed_exponent_is_judged_by_its_logarithm(four_images):
     assert logs["log_exponent_l1"] == pytest.approx(np.mean(np.abs(wrong)), rel=1e-4)
 
 
-@pytest.mark.parametrize("architecture, names", LAST, ids=LAST_NAMES)
-def test_what_a_stage_reads_is_all_it_needs(architecture, names, four_images):
+@pytest.mark.parametrize("last", LAST)
+def test_what_a_stage_reads_is_all_it_needs(last, four_images):
+    architecture, names = last
     _, model = _compiled(names, architecture=architecture)
     batch, weights = {name: four_images[name] for name in model.features}, np.ones(4, np.float32)
     given = model.test_on_batch(batch, sample_weight=weights, return_dict=True)
@@ -306,7 +310,7 @@ EXTREMES = {
 LARGEST_GRADIENT = 1e15  # adam squares gradients in float32
 
 
-@pytest.fixture(scope="module", params=LAST, ids=LAST_NAMES)
+@pytest.fixture(scope="module", params=LAST)
 def loss_and_gradients(request):
     architecture, names = request.param
     _, model = _compiled(names, architecture=architecture)

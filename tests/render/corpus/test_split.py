@@ -328,29 +328,39 @@ def test_files_of_one_name_may_differ_between_the_splits(
     assert manifest["inputs"]["shapes"][name] != rendered[1]["inputs"]["shapes"][name]
 
 
-def test_a_varied_split_lists_what_it_is_made_of_and_is_sound(
-    rendered, description, mitsuba_choice, tmp_path
-):
-    """The rooms are the user's map, under their names: to render them takes a minute."""
+@pytest.fixture(scope="module")
+def varied(rendered, description, mitsuba_choice, tmp_path_factory):
+    """A corpus of rooms and endless bodies, and its manifest.
+
+    The rooms are the user's map, under their names: to render them takes a minute.
+    """
+    out = tmp_path_factory.mktemp("varied")
     changes = {"light_law": "mixed", "endless": 1.0, "shard_size": 8, "count": 10}
-    varied = Description(**(vars(description) | changes))
-    job = Job(tmp_path, varied, mitsuba_choice)
-    sources, folder = sources_of(job), varied.folder("environments")
+    more = Description(**(vars(description) | changes))
+    sources, folder = sources_of(Job(out, more, mitsuba_choice)), more.folder("environments")
     sources.rooms.mkdir(parents=True)
     for name in sources.room_names:
         shutil.copy(folder / rendered[1]["lights"][0], sources.rooms / name)
-    manifest = render(tmp_path, varied, mitsuba_choice)
+    return out, render(out, more, mitsuba_choice), more, sources.light_names
+
+
+def test_a_varied_split_lists_what_it_is_made_of_and_is_sound(rendered, varied):
+    out, manifest, _, light_names = varied
     assert manifest["description"]["light_law"] == "mixed" and manifest["failures"] == []
-    assert manifest["lights"] == [*rendered[1]["lights"], *sources.light_names]
+    assert manifest["lights"] == [*rendered[1]["lights"], *light_names]
     assert len(manifest["lights"]) == 1 + 40 + 48
     own = rendered[1]["shapes"]
     assert manifest["shapes"][: len(own)] == own
     assert all(name.startswith("endless-0000") for name in manifest["shapes"][len(own) :])
-    assert list(verification.verify(tmp_path, "train", nothing)) == []
-    by_workers = tmp_path / "again"
-    shutil.copytree(sources.rooms, by_workers / "train" / "rooms")
-    assert render(by_workers, varied, mitsuba_choice, 2) == manifest
-    assert contents(by_workers) == contents(tmp_path)
+    assert list(verification.verify(out, "train", nothing)) == []
+
+
+@pytest.mark.slow
+def test_two_workers_give_the_bytes_of_a_varied_split(varied, mitsuba_choice, tmp_path):
+    out, manifest, description, _ = varied
+    shutil.copytree(out / "train" / "rooms", tmp_path / "train" / "rooms")
+    assert render(tmp_path, description, mitsuba_choice, 2) == manifest
+    assert contents(tmp_path) == contents(out)
 
 
 def test_a_split_of_single_maps_is_described_as_before_and_draws_as_before(rendered, description):
