@@ -93,8 +93,8 @@ def predictions(folder: Path, answers: Predictions, corpus: Path) -> dict[str, n
 def _arrays(path: Path, make: Callable[[], Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Return arrays of numbers, truth values or text by name, read from their file, or made."""
     try:
-        with path.open("rb") as stored, np.load(stored) as held:
-            return dict(held)
+        with path.open("rb") as stored, np.load(stored) as known:
+            return dict(known)
     except (OSError, EOFError, ValueError, zipfile.BadZipFile):
         pass  # not there, or damaged after it was written
     arrays: Any = make()

@@ -195,10 +195,10 @@ def _end_streams(error: _StreamError) -> int:
 def message(error: Exception) -> str | None:
     """Return what a command says of an expected error; None of any other, which is a fault."""
     if isinstance(error, MemoryError):
-        told = str(error)
-        if "memory: " in told:  # of a file, with its mend
-            return told
-        what = f" ({told})" if told else ""
+        text = str(error)
+        if "memory: " in text:  # of a file, with its mend
+            return text
+        what = f" ({text})" if text else ""
         return f"out of memory{what}: close other programs, or give less at once"
     if isinstance(error, OSError | ValueError | RuntimeError | MissingExtra):
         return str(error)
@@ -285,8 +285,8 @@ class _Lines:
 
     def write(self, text: str) -> None:
         """Write a state without what moves the cursor."""
-        if told := text.replace("\x1b[A", "").strip():
-            self._stream.write(told + "\n")
+        if line := text.replace("\x1b[A", "").strip():
+            self._stream.write(line + "\n")
 
     def flush(self) -> None:
         """Write what is held back."""
@@ -321,16 +321,16 @@ class Bar:
         if self._bar is not None:
             self._bar.close()
 
-    def move(self, done: int, total: int, told: Mapping[str, str] | None = None) -> None:
-        """Move the bar to `done` of `total` items; show the values `told`, by name, behind it."""
+    def move(self, done: int, total: int, values: Mapping[str, str] | None = None) -> None:
+        """Move the bar to `done` of `total` items; show `values`, by name, behind it."""
         from tqdm import tqdm
 
         if self._bar is None:
             self._bar = tqdm(
                 desc=self._title, unit=self._unit, initial=done, total=total, **bar_options()
             )
-        if told:
-            self._bar.set_postfix(told, refresh=False)
+        if values:
+            self._bar.set_postfix(values, refresh=False)
         self._bar.total = total
         self._bar.update(done - self._bar.n)
         if done == total:
@@ -349,7 +349,9 @@ def require(what: str, *modules: str) -> None:
     """
     missing = [module for module in modules if not _installed(module)]
     if missing:
-        extras = [name for name, held in EXTRAS.items() if not set(missing).isdisjoint(held)]
+        extras = [
+            name for name, packages in EXTRAS.items() if not set(missing).isdisjoint(packages)
+        ]
         # Several extras bring some modules; one that brings all that are missing is enough, best
         # the one that the others are of.
         whole = [name for name in extras if set(missing) <= set(EXTRAS[name])]

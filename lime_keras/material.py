@@ -223,8 +223,8 @@ class Material:
         return f"Material({', '.join(str(part) for part in parts)})"
 
     def _repr_html_(self) -> str:
-        told = "".join(f"<li>{html.escape(caution.message)}</li>" for caution in self.warnings)
-        text = f"<p><code>{html.escape(repr(self))}</code></p><ul>{told}</ul>"
+        items = "".join(f"<li>{html.escape(caution.message)}</li>" for caution in self.warnings)
+        text = f"<p><code>{html.escape(repr(self))}</code></p><ul>{items}</ul>"
         try:
             picture = self.preview()
         except ValueError:

@@ -86,7 +86,7 @@ class StageRun:
 class StageTraining:
     """The training of a stage, from its checkpoint or from its start to its last batch.
 
-    The progress is told before the first batch, and after each.
+    The progress is reported before the first batch, and after each.
     """
 
     def __init__(self, part: StageRun, data: Data, devices: Devices, tell: Tell):

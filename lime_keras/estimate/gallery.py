@@ -138,10 +138,10 @@ def _card(row: dict[str, Any], scene: Mapping[str, Any], content: Mapping[str, A
     if "preview" in shown:
         address = _link(folder / shown["preview"])
         picture = f'<a class="picture" href="{address}"><img src="{address}" alt="preview"></a>'
-    told = preview.caption(scene)
+    caption = preview.caption(scene)
     if row["warnings"]:
-        told.append(f"⚠ {row['warnings'].replace(' ', ', ')}")
-    lines = "".join(f"<li>{html.escape(line)}</li>" for line in told)
+        caption.append(f"⚠ {row['warnings'].replace(' ', ', ')}")
+    lines = "".join(f"<li>{html.escape(line)}</li>" for line in caption)
     swatch = f'<i style="background:{row["colour"]}"></i>' if row["colour"] else ""
     return (
         f"<article {data}>{picture}"

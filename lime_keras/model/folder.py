@@ -132,8 +132,8 @@ def has_weights_in_graphs(run: Path) -> bool:
     Args:
         run: folder of the trained model (see `folder`).
     """
-    held = any(folder(run).glob(f"*{WEIGHTS}"))
-    return not held and (graphs(run) / DESCRIPTION).is_file()
+    has_files = any(folder(run).glob(f"*{WEIGHTS}"))
+    return not has_files and (graphs(run) / DESCRIPTION).is_file()
 
 
 def files(run: Path) -> list[Path]:
@@ -147,12 +147,12 @@ def files(run: Path) -> list[Path]:
     """
     model = folder(run)
     check_present(model, model / ARCHITECTURE)
-    held = model.glob(f"*{WEIGHTS}")
+    paths = model.glob(f"*{WEIGHTS}")
     if has_weights_in_graphs(run):
         there = graphs(run)
         description = read_description(there)
-        held = (there / f"{name}.onnx" for name in (description.graphs if description else ()))
-    return [model / ARCHITECTURE, *(path for path in sorted(held) if path.is_file())]
+        paths = (there / f"{name}.onnx" for name in (description.graphs if description else ()))
+    return [model / ARCHITECTURE, *(path for path in sorted(paths) if path.is_file())]
 
 
 def training_config(run: Path) -> dict[str, Any]:

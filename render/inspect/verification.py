@@ -193,7 +193,7 @@ def _records(
 
 
 def _serialized(path: Path, lost: list[str]) -> Iterator[tf.Tensor]:
-    """Yield the records of a shard up to one with a wrong checksum, which is told in `lost`."""
+    """Yield the records of a shard up to one with a wrong checksum, which `lost` gets."""
     try:
         yield from tf.data.TFRecordDataset(str(path))
     except tf.errors.DataLossError as error:

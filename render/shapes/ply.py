@@ -76,11 +76,11 @@ def _elements(
 ) -> list[tuple[bytes, int, list[Property]]]:
     """Return name, number of rows and properties of each element that a head announces."""
     out: list[tuple[bytes, int, list[Property]]] = []
-    for name, count, told in _LINE.findall(head):
+    for name, count, rest in _LINE.findall(head):
         if name:
             out.append((name, int(count), []))
         elif out:
-            *types, own = told.removeprefix(b"list").split()
+            *types, own = rest.removeprefix(b"list").split()
             length = kinds[types[0]] if len(types) == 2 else None
             out[-1][2].append((own.decode(), length, kinds[types[-1]]))
     return out
