@@ -191,6 +191,7 @@ def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path
         exporter.export(out, "weights", tiny_model, precision="float32")
 
 
+@pytest.mark.slow
 def test_without_weights_the_packages_own_are_exported(tmp_path):
     assert export_cli.main([str(tmp_path), "--format", "weights"]) == 0
     found, _ = weights.load(tmp_path)
