@@ -157,7 +157,7 @@ def _digests(path: Path, listed: list[str], count: int) -> Iterator[Fault]:
     if listed and digest != listed[0]:
         yield "sha256", f"{path}: is {digest}, expected {listed[0]} of the manifest"
     if not isinstance(sidecar, dict):
-        yield "file", f"{beside}: is missing or no JSON: it vouches for the shard"
+        yield "file", f"{beside}: is missing or no JSON: it has the shard's checksum"
         return
     if digest != sidecar.get("sha256"):
         yield "sha256", f"{path}: is {digest}, expected {sidecar.get('sha256')} of its .json"

@@ -34,7 +34,7 @@ def sidecar(path: Path) -> dict[str, Any]:
     """Return the sidecar of a finished shard.
 
     Raises:
-        ValueError: if the file is missing or vouches for no shard.
+        ValueError: if the file is missing, or is not the record of a finished shard.
     """
     try:
         content = untrusted.read_json(path)
@@ -43,7 +43,8 @@ def sidecar(path: Path) -> dict[str, Any]:
             raise ValueError("a part is missing")
     except (KeyError, ValueError) as error:
         raise ValueError(
-            f"{path} vouches for no shard ({error}): delete it, and run the same command again"
+            f"{path} is not the record of a finished shard ({error}): delete it, and run the same "
+            "command again"
         ) from error
     return content
 

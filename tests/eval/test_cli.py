@@ -312,7 +312,7 @@ def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
     with tf.io.TFRecordWriter(str(shard)) as writer:
         for serialized in (stored[0], message.SerializeToString(), stored[2]):
             writer.write(serialized)
-    sphere_corpus.vouch(shard.parent)
+    sphere_corpus.record_checksums(shard.parent)
     line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
     assert f"{shard} is broken: record 1" in line and "lime-render" in line
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stage_runs
 import tensorflow as tf
-from sphere_corpus import vouch, write_split
+from sphere_corpus import record_checksums, write_split
 
 from lime_keras.train import trainer
 from lime_keras.train.devices import Devices
@@ -27,7 +27,7 @@ def corpora(tmp_path_factory):
     with tf.io.TFRecordWriter(str(path)) as writer:
         for example in examples:
             writer.write(example.SerializeToString())
-    vouch(folder / "broken" / "train")
+    record_checksums(folder / "broken" / "train")
     return folder
 
 

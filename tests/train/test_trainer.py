@@ -12,7 +12,7 @@ import pytest
 import stage_runs
 import tensorflow as tf
 from PIL import Image
-from sphere_corpus import vouch, write_split
+from sphere_corpus import record_checksums, write_split
 
 from lime_keras import metrics, networks
 from lime_keras.data import pipeline
@@ -562,7 +562,7 @@ def _altered(corpus, folder, row, feature, value):
     with tf.io.TFRecordWriter(str(path)) as writer:
         for example in examples:
             writer.write(example.SerializeToString())
-    vouch(folder / "train")
+    record_checksums(folder / "train")
     return folder
 
 

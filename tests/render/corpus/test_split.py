@@ -124,7 +124,7 @@ def test_two_workers_give_the_same_bytes_even_after_the_death_of_one(
     assassin.join()
     assert not Split(tmp_path, "train").manifest_path.exists()
     (tmp_path / "train" / "00002.json").unlink(missing_ok=True)
-    for name in ("partial-1-00002.tfrecord", "00002.tfrecord"):  # neither is vouched for
+    for name in ("partial-1-00002.tfrecord", "00002.tfrecord"):  # neither has a sidecar
         (tmp_path / "train" / name).write_bytes(b"cut off")
     assert render(tmp_path, description, mitsuba_choice, 2) == rendered[1]
     assert contents(tmp_path) == contents(rendered[0])

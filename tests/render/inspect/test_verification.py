@@ -66,7 +66,7 @@ def edit(path, **changes):
 
 
 def rewrite(corpus, records_of_shard_1):
-    """Put other records into the second shard and vouch for them: only what they hold is wrong."""
+    """Put other records, with their checksums, into the second shard: only they are wrong."""
     digest = sphere_corpus.write_shard(corpus / "train", 1, records_of_shard_1)
     manifest = corpus / "train" / "manifest.json"
     first = json.loads(manifest.read_text(encoding="utf-8"))["sha256"][0]
