@@ -28,11 +28,8 @@ hypothesis.settings.register_profile("shared machine", deadline=None)
 hypothesis.settings.load_profile("shared machine")
 
 LONGEST = (
-    "test_suite.py",
-    "test_trainer.py",
-    "test_stage_model.py",
-    "test_quickstart.py",
-    "test_pipeline.py",
+    *("test_exporter.py", "test_trainer.py", "test_cli.py", "test_quickstart.py"),
+    *("test_making.py", "test_suite.py", "test_loading.py", "test_split.py"),
 )
 TESTS = Path(__file__).parent
 QUICK = (

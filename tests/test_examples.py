@@ -129,6 +129,7 @@ def test_a_photo_of_any_shape_and_orientation_is_read(exported, tmp_path):
         check(other, one, "float16")
 
 
+@pytest.mark.slow
 def test_one_example_is_rendered_from_what_is_built_in(tmp_path):
     command = [sys.executable, "render_one.py", tmp_path, "3"]
     done = subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True)

@@ -9,6 +9,7 @@ from lime_keras.export import exporter, formats, parity, quantisation, reference
 from lime_keras.runtime import onnx_graphs
 
 
+@pytest.mark.slow
 def test_graphs_in_eight_bits_lie_beside_a_copy_of_the_model(tiny_model, corpus, tmp_path):
     differences = exporter.export(
         tmp_path, exporter.GRAPHS, tiny_model, precision="int8", corpus=corpus
