@@ -38,6 +38,11 @@ def test_the_advice_is_what_is_fast_enough_and_errs_least():
     assert camera["within"] and light["row"]["precision"] == "int8"
     slow = [row | {"ms": 10 * row["ms"]} for row in trade.ROWS]
     assert [one["within"] for one in advise(slow)] == [True, False, False]
+    # Of two that err alike, the faster one; the images cannot tell scores so near apart.
+    for more, model in ((1.005, "live"), (1.02, "best")):
+        near = photo["row"] | {"model": "live", "score": more * photo["row"]["score"]}
+        near["ms"] = 0.5 * photo["row"]["ms"]
+        assert advise([*trade.ROWS, near])[0]["row"]["model"] == model
     # Nearly as fast, what has to be written first is not advised.
     twin = photo["row"] | {"precision": "float16", "ms": 0.95 * photo["row"]["ms"]}
     assert advise([*trade.ROWS, twin])[0]["row"]["precision"] == "float32"

@@ -69,6 +69,22 @@ def test_a_stage_learns_from_kept_predictions_as_from_fresh_ones(networks, photo
     np.testing.assert_allclose(seen, expected, rtol=0.02, atol=2e-3)
 
 
+def test_predictions_are_those_for_the_mask_that_the_files_hold(networks, photos, tmp_path):
+    """Which is rounded, so it does not matter whether a mask was just drawn, or read."""
+    frozen, rows = _of(networks, "specular"), np.arange(COUNT)
+    made, again = (
+        Kept(tmp_path / name, COUNT, answers.features(frozen), SIZE) for name in ("made", "again")
+    )
+    answers.make(photos, made, frozen, 1, lambda *progress: None)
+    mask = made.read(rows, (INPUT_MASK,))[INPUT_MASK]
+    batch = photos.read(rows, ("image",)) | {"mask": mask}
+    again.begin()
+    again.write(0, {INPUT_MASK: mask, **answers._layers(batch, frozen)})
+    again.finish({})
+    for name, value in made.read(rows, made.features).items():
+        np.testing.assert_array_equal(again.read(rows, (name,))[name], value, err_msg=name)
+
+
 def test_segmentation_looks_only_at_photos_whose_mask_it_finds(networks, photos, tmp_path):
     looked = []
 

@@ -38,7 +38,8 @@ def test_every_command_of_every_recipe_is_one(name):
             stages = {stage.name for stage in SCHEDULES[options.preset].stages(there)}
             assert set(options.stages) <= stages, title
             assert options.seed == 7 and options.steps and options.rate
-            assert options.size in (None, 64, 128, 192)
+            training = recipe.trainings[title.removeprefix("trainings/")]
+            assert options.size == (training.size or recipe.size)
 
 
 @pytest.mark.parametrize("name", recipes.NAMES)
