@@ -241,3 +241,45 @@ def test_areas_are_those_of_openimageio(size):
         expected = np.asarray(resized.get_pixels(oiio.FLOAT)).reshape(size, size, 1)
         found = framing.cut_layer(row, Square(0, 0, side), size)
         np.testing.assert_allclose(found, expected, atol=2e-6, err_msg=str(side))
+
+
+# A stream's next frame.
+
+FRAME = (480, 640)
+WHOLE = framing.whole(*FRAME)
+BOX = (10, 22)
+
+
+def shown(rows, columns, size=32):
+    """A mask of one rectangle."""
+    mask = np.zeros((size, size, 1), np.float32)
+    mask[slice(*rows), slice(*columns)] = 1
+    return mask
+
+
+def test_the_next_square_is_around_the_object():
+    top, left, side = framing.following(shown(BOX, (6, 18)), Square(100, 200, 128), *FRAME)
+    # 12 of 32 pixels, each 4 of the frame's.
+    assert side == pytest.approx(48 / framing.FILL, abs=1)
+    assert (top + side / 2, left + side / 2) == pytest.approx((164, 248), abs=1)
+
+
+@pytest.mark.parametrize(
+    ("columns", "left", "is_lost"),
+    [((0, 12), 200, True), ((0, 12), 0, False), ((20, 32), 511, True), ((20, 32), 512, False)],
+)
+def test_an_object_at_the_edge_is_lost_where_the_frame_goes_on(columns, left, is_lost):
+    square = framing.following(shown(BOX, columns), Square(100, left, 128), *FRAME)
+    assert (square is None) == is_lost
+
+
+@pytest.mark.parametrize(("box", "is_lost"), [((2, 30), False), ((1, 31), True)])
+def test_an_object_that_outgrows_its_square_is_lost(box, is_lost):
+    """From the whole frame it cannot."""
+    mask = shown(box, box)
+    assert (framing.following(mask, Square(100, 200, 128), *FRAME) is None) == is_lost
+    assert framing.following(mask, WHOLE, *FRAME) == WHOLE
+
+
+def test_without_an_object_there_is_no_next_square():
+    assert framing.following(np.zeros((32, 32, 1)), Square(100, 200, 128), *FRAME) is None
