@@ -311,6 +311,10 @@ def test_without_an_object_there_is_no_material(blind, folder, tiny_model, tmp_p
     assert run(*arguments, weights_folder=tiny_model, out=out) == 1
     assert "1 done, 0 failed, 1 without an object" in capsys.readouterr().err
     assert not (out / "a-environment.exr").exists()
+    # One of each kind.
+    arguments = (folder / "a.png", folder / "gone.png", "--overwrite")
+    assert run(*arguments, weights_folder=tiny_model, out=out) == 1
+    assert "1 done, 1 failed, 1 without an object" in capsys.readouterr().err
 
 
 def test_warnings_are_told_by_the_photo(folder, tiny_model, tmp_path, capsys):
