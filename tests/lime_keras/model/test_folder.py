@@ -1,5 +1,6 @@
 """Where a model's files lie, and what identifies its weights."""
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -130,6 +131,30 @@ def test_weights_in_graphs_are_the_models_files_and_keep_its_digest(exported):
             model / "architecture.json",
             exported / "onnx" / "segmentation.onnx",
         ]
+
+
+MASK = Graph(("image",), ("mask",), "of its file")
+UNSOUND = {
+    "no size": {"size": 0},
+    "a size in words": {"size": "32"},
+    "a truth value": {"size": True},
+    "no mask": {"graphs": {"segmentation": Graph(("image",), ("soft_mask",), "of its file")}},
+    "read too early": {
+        "graphs": {"mirror": Graph(("specular_shading",), ("mirror",), "its"), "mask": MASK}
+    },
+    "a digest that is no text": {"weights": 7},
+    "a system that is no text": {"system": None},
+    "a file's digest that is no text": {
+        "graphs": {"segmentation": dataclasses.replace(MASK, sha256=7)}
+    },
+}
+
+
+@pytest.mark.parametrize("change", [{}, *UNSOUND.values()], ids=["sound", *UNSOUND])
+def test_a_description_that_is_not_sound_counts_as_none(change, tmp_path):
+    sound = Description("digest", 32, "LIME", {"segmentation": MASK})
+    model_folder.write_description(tmp_path, dataclasses.replace(sound, **change))
+    assert model_folder.read_description(tmp_path) == (None if change else sound)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '"text"', "7", "[[" * 4])
