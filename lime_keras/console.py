@@ -17,6 +17,7 @@ import textwrap
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ EXTRAS = {
 }
 """Modules that the extras of the installation bring (`setup.py`), by the extra's name."""
 EXPORTING = ("tensorflow", "keras", "onnx", "tf2onnx")  # modules that an export takes
+_ABORTING = ("OpenImageIO", "drjit", "mitsuba")
+"""Packages whose import ends the process if Ctrl-C falls into it, as nanobind lets it."""
 
 _SUFFIXES_OF_FILES = frozenset(
     ".json .csv .html .htm .md .txt .log .pdf .zip .tar .gz .npz .npy .h5 .keras .onnx .tflite .pb "
@@ -122,11 +125,25 @@ def interrupt_again(lost: Any) -> None:
     Use it as `sys.unraisablehook`. Finalisers are `__del__`, and what `weakref` calls.
     """
     if issubclass(lost.exc_type, KeyboardInterrupt):
-        main = threading.main_thread().ident
-        # Once the finaliser has ended; by a signal, as nothing else ends a call that waits.
-        threading.Timer(0.01, signal.pthread_kill, (main, signal.SIGINT)).start()
+        _interrupt_soon()  # once the finaliser has ended
     else:
         sys.__unraisablehook__(lost)
+
+
+def _interrupt_soon() -> None:
+    """Press Ctrl-C in a hundredth of a second; by a signal, as nothing else ends a call."""
+    main = threading.main_thread().ident
+    threading.Timer(0.01, signal.pthread_kill, (main, signal.SIGINT)).start()
+
+
+def _is_loading(frame: FrameType | None) -> bool:
+    """Return whether a module is being imported that must not be interrupted."""
+    while frame is not None:
+        package = str(frame.f_globals.get("__name__")).partition(".")[0]
+        if frame.f_code.co_name == "<module>" and package in _ABORTING:
+            return True
+        frame = frame.f_back
+    return False
 
 
 @contextlib.contextmanager
@@ -134,9 +151,11 @@ def _heard_interrupts() -> Iterator[list[int]]:
     """Yield a list that is not empty once Ctrl-C was pressed in the block."""
     heard: list[int] = []
 
-    def interrupt(number: int, _: object) -> None:
+    def interrupt(number: int, frame: FrameType | None) -> None:
         heard.append(number)
-        raise KeyboardInterrupt
+        if not _is_loading(frame):
+            raise KeyboardInterrupt
+        _interrupt_soon()
 
     is_default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if not is_default or threading.current_thread() is not threading.main_thread():

@@ -117,6 +117,31 @@ def test_ctrl_c_while_a_command_is_imported(after, tmp_path):
         assert process.returncode == 130 and "interrupted" in err.splitlines()[-1], err
 
 
+def test_ctrl_c_waits_for_a_module_that_must_not_be_interrupted(tmp_path, monkeypatch, capsys):
+    """nanobind ends the process with a traceback where its types cannot be made."""
+    code = "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nis_whole = True\n"
+    (tmp_path / "aborting").mkdir()
+    (tmp_path / "aborting" / "__init__.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(console, "_ABORTING", ("aborting",))
+    whole = []
+
+    def work():
+        import aborting
+
+        whole.append(aborting.is_whole)
+        time.sleep(10)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert console.run(work, "nothing is lost") == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+        sys.modules.pop("aborting", None)
+    assert whole == [True]
+    assert capsys.readouterr().err == "\ninterrupted: nothing is lost\n"
+
+
 def test_ctrl_c_in_a_finaliser_is_not_lost(tmp_path):
     code = """
 import os, signal, sys, time
