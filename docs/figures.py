@@ -9,7 +9,8 @@ A repository shows the source of its pages, so the figures stand there, between 
 
 A figure is named by its file, its column and its row, and formatted as Python does; `±` or `[]`
 after the format adds its interval (`record.Figure`), and the format `n` stands for the number of
-examples. A test says when a page is stale.
+examples. `–` after the format allows that the file lacks the figure. A test says when a page is
+stale.
 """
 
 import re
@@ -35,11 +36,15 @@ def _figures(name: str) -> dict[str, dict[str, Any]]:
 
 
 def figure(place: str) -> str:
-    """Return the text of a figure `file; column; row; format`; a dash if the file has none."""
+    """Return the text of a figure `file; column; row; format`.
+
+    Raises:
+        KeyError: if the file has none, and the format does not end with a dash.
+    """
     name, column, row, form = (part.strip() for part in place.split(";"))
-    found = _figures(name)[column].get(row)
-    if found is None:
+    if form.endswith("–") and row not in _figures(name)[column]:
         return "–"
+    found, form = _figures(name)[column][row], form.removesuffix("–")
     return str(found.count) if form == "n" else format(found, form)
 
 

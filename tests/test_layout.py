@@ -179,6 +179,8 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module, arguments):
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
     from lime_keras.commands import estimate as estimate_command
+    from lime_keras.commands import export as export_command
+    from lime_keras.export import exporter
     from lime_keras.networks import PRESETS, precision
     from lime_keras.runtime import masker
     from lime_keras.train import cli
@@ -187,12 +189,27 @@ def test_the_commands_offer_what_the_library_has():
     assert cli._PRECISIONS == tuple(precision.POLICIES)
     preset = next(action for action in cli.parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
+    formats = next(one for one in export_command.parser()._actions if one.dest == "format")
+    assert set(formats.choices) == set(exporter.PRECISIONS)
+
+
+def test_every_recipe_is_named_wherever_recipes_are_listed():
+    from lime_keras.train import cli
+    from lime_keras.train.recipes.recipe import NAMES
+
+    files = (ROOT / "train" / "recipes").glob("*.py")
+    assert {path.stem for path in files if "\nRECIPE = " in path.read_text("utf-8")} == set(NAMES)
+    page = (ROOT / "docs" / "how-to" / "recipes.md").read_text("utf-8")
+    usage = next(one for one in cli.parser()._actions if one.dest == "recipe").help
+    for name in NAMES:
+        assert f"| [`{name}`](" in page
+        assert name in usage and name in cli.parser().epilog
 
 
 def test_the_tables_of_a_subnetwork_name_the_same():
     """What systems are made of, answer, learn by and can be asked for."""
     from lime_keras.networks import Architecture, build, output_names
-    from lime_keras.networks.registry import OUTPUT_ROWS, QUANTITIES, SUBNETWORKS
+    from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, SUBNETWORKS
     from lime_keras.outputs import NEEDED, OUTPUTS
     from lime_keras.train.stages import SCHEDULES
     from lime_keras.train.terms import MEASURES, TERMS
@@ -201,7 +218,8 @@ def test_the_tables_of_a_subnetwork_name_the_same():
     systems = [Architecture(32, 1, 1, 1, 1, **system) for system in options]
     built = list(map(build, systems))
     assert set().union(*map(output_names, built)) == set(OUTPUTS)
-    assert tuple(OUTPUT_ROWS) == tuple(OUTPUTS) and set().union(*NEEDED.values()) < set(OUTPUTS)
+    assert tuple(OUTPUT_ROWS) == tuple(OUTPUTS)
+    assert set().union(*NEEDED.values()) == set(OUTPUTS) - {"log_exponent"}
     assert {row.quantity for row in OUTPUT_ROWS.values()} == set(QUANTITIES)
     assert set().union(*built) == set(SUBNETWORKS)
     stages = [stage for system in systems for stage in SCHEDULES["paper"].stages(system)]
@@ -210,7 +228,7 @@ def test_the_tables_of_a_subnetwork_name_the_same():
     assert {row.quantity for row in MEASURES.values()} == predicted - {"reflectance_map"}
     assert {term.quantity for term in TERMS.values()} == set(QUANTITIES)
     fed = {x.name for part in built for network in part.values() for x in network.inputs}
-    assert fed <= {"image", "masked_image", *QUANTITIES}
+    assert fed <= {"image", *DERIVED, *QUANTITIES}
 
 
 def _checked_out(*folders):

@@ -1,7 +1,7 @@
-"""Random shapes: those of a list, of four families, and those without end, drawn from many.
+"""Random shapes: `procedural` ones, of which corpora keep a list, and `endless` ones.
 
-The four families are among the many. Each family draws its own numbers of pieces,
-proportions and details, so that no two shapes of a long run are alike.
+Each family draws its own numbers of pieces, proportions and details, so that no two shapes of a
+long run are alike.
 """
 
 from collections.abc import Callable

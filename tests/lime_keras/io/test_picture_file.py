@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from lime_keras import Estimator
-from lime_keras.io import normal_map, photo, picture_file
+from lime_keras.io import normal_map, photo, picture_file, scanner
 from lime_keras.render.scene import backgrounds, environments
 from tests.fuzz import seeds
 
@@ -114,10 +114,9 @@ def test_cube_maps_and_formats_that_were_not_fuzzed_are_refused(tmp_path):
 
 def test_every_format_that_is_read_is_damaged_by_the_fuzzer(tmp_path):
     seeds.pictures(tmp_path)
-    made = {
-        oiio.ImageBuf(str(next(path.iterdir()))).file_format_name for path in tmp_path.iterdir()
-    }
-    assert set(picture_file.FORMATS) <= made
+    files = [next(path.iterdir()) for path in tmp_path.iterdir()]
+    assert set(picture_file.FORMATS) <= {oiio.ImageBuf(str(one)).file_format_name for one in files}
+    assert {one.suffix for one in files} <= set(scanner.SUFFIXES)
 
 
 # Channels by name.

@@ -3,6 +3,7 @@
 import http.client
 import io
 import json
+import re
 import struct
 import threading
 
@@ -12,6 +13,7 @@ from live_scenes import ball
 from PIL import Image
 
 from lime_keras import Estimator
+from lime_keras.io.scanner import SUFFIXES
 from lime_keras.live import wire
 from lime_keras.live.server import PAGE, LiveServer
 
@@ -81,6 +83,13 @@ def test_the_page_and_its_files_are_there_and_nothing_else(server):
         *("/page/main.js", "/browser", "/.", "/main.js/", "/source/", "/nothing"),
     ):
         assert ask(server, "GET", path)[0].status == 404, path
+
+
+def test_the_page_offers_the_suffixes_that_the_server_reads():
+    page = (PAGE / "index.html").read_text(encoding="utf-8")
+    offered = re.search(r'id="file" type="file" accept="(.+?)"', page)[1].split(",")
+    of_browsers = {".jpg", ".jpeg", ".png", ".webp", ".bmp", ".gif"}  # `image/*`
+    assert set(offered) - {"image/*", "video/*"} == set(SUFFIXES) - of_browsers
 
 
 def test_the_page_is_small():
