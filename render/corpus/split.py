@@ -118,7 +118,9 @@ def _refuse_another(job: Job) -> dict[str, Any] | None:
 def _inspect(
     files: dict[str, list[Path]], pool: Pool, known: inputs.Findings | None, tell: OnProgress
 ) -> inputs.Findings:
-    return inputs.inspect(files, known, lambda task, items: pool.map(task, items, tell))
+    return inputs.inspect(
+        files, known, lambda task, items: pool.run(task, items, 0, len(items), tell)
+    )
 
 
 def _render_missing(

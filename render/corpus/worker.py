@@ -1,5 +1,6 @@
 """The work of a rendering process: its sources, the rendering of one room or one shard."""
 
+from collections.abc import Callable
 from typing import Any
 
 from lime_keras import console
@@ -7,7 +8,6 @@ from lime_keras.io import atomic, untrusted
 
 from ..jobs import resuming
 from ..jobs.description import Job
-from ..jobs.processes import Ticks
 from ..mitsuba_setup import variants
 from ..scene.quality import QUALITIES
 from .random_example import Sources, render_example
@@ -37,18 +37,18 @@ class Worker:
 
     Args:
         job: the job to render.
-        ticks: object to which progress is reported.
+        tick: function to report with how many more things are done.
     """
 
-    def __init__(self, job: Job, ticks: Ticks):
+    def __init__(self, job: Job, tick: Callable[[int], None]):
         variants.activate(job.choice, threads=1)
         console.import_tensorflow()
-        self.job, self.sources, self.ticks = job, sources_of(job), ticks
+        self.job, self.sources, self.tick = job, sources_of(job), tick
 
     def render_room(self, name: str) -> None:
         """Render one built-in room into the split's folder."""
         self.sources.render_room(name)
-        self.ticks.put(1)
+        self.tick(1)
 
     def render_shard(self, shard: int) -> None:
         """Render and write one shard, and last its sidecar, which marks it as complete.
@@ -77,7 +77,7 @@ class Worker:
                         )
                         writer.write(example.record)
                         failures += example.failures
-                        self.ticks.put(1)
+                        self.tick(1)
                 digest = untrusted.sha256(partial)
             sidecar = {
                 "examples": len(asked.indices(shard)),

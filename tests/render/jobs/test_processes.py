@@ -23,8 +23,16 @@ def nothing(done, total):
 
 def test_a_file_that_kills_its_checker_is_named():
     pool = processes.Pool(1)
-    with pytest.raises(RuntimeError, match=r"a process died, .* at one of .*huge\.png"):
-        pool.map(worker_tasks.die, [("backgrounds", "huge.png")], nothing)
+    with pytest.raises(RuntimeError, match=r"a worker died: .* at one of .*huge\.png"):
+        pool.run(worker_tasks.die, [("backgrounds", "huge.png")], 0, 1, nothing)
+
+
+def test_results_come_in_the_order_of_the_items_and_each_is_counted():
+    told = []
+    pool, items = processes.Pool(2), list(range(5))
+    assert pool.run(worker_tasks.same, items, 0, 5, lambda *done: told.append(done)) == items
+    assert told == sorted(told) and told[-1] == (5, 5)
+    assert pool.run(worker_tasks.same, [], 0, 0, pytest.fail) == []
 
 
 def test_an_interruption_ends_the_processes(tmp_path):
@@ -45,7 +53,7 @@ def test_an_interruption_ends_the_processes(tmp_path):
 def test_processes_are_replaced_without_waiting_for_ever(tmp_path, monkeypatch):
     monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 2)
     paths = [tmp_path / str(number) for number in range(5)]
-    processes.Pool(1).run(worker_tasks.sign, paths, 0, 5, nothing)
+    processes.Pool(1, worker_tasks.begin).run(worker_tasks.sign, paths, 0, 5, nothing)
     signed = [path.read_text() for path in paths]
     assert sorted(Counter(signed).values()) == [1, 2, 2]
     assert str(os.getpid()) not in signed
