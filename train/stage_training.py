@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
 from time import monotonic
 from typing import NoReturn
 
@@ -43,20 +42,6 @@ class Progress:
 Tell = Callable[[Progress], None]
 
 
-class Files:
-    """The paths of a stage's state and logs in the folder of its run.
-
-    Args:
-        run: folder of the run.
-        name: number and name of the stage, such as `1-segmentation`.
-    """
-
-    def __init__(self, run: Path, name: str):
-        self.checkpoint = run / "stages" / f"{name}.npz"
-        self.curve = run / "curves" / f"{name}.csv"
-        self.board = run / "tensorboard" / name
-
-
 @dataclasses.dataclass(frozen=True)
 class StageRun:
     """A stage to load or to train.
@@ -66,7 +51,6 @@ class StageRun:
         model: its model, compiled with its optimiser before it is trained.
         kept: frozen subnetworks whose predictions are kept with the photos.
         checkpoint: checkpoint of the stage; its file may not exist yet.
-        files: paths of the stage's files.
         step: number of batches at which the checkpoint stood when the run was opened.
     """
 
@@ -74,7 +58,6 @@ class StageRun:
     model: StageModel
     kept: Mapping[str, keras.Model]
     checkpoint: Checkpoint
-    files: Files
     step: int
 
     @property
@@ -104,8 +87,9 @@ class StageTraining:
         part = self._part
         if part.step:
             part.checkpoint.restore(part.model)
-        with contextlib.closing(Board(part.files.board if self._devices.leads else None)) as board:
-            self._run(Curve(part.files.curve, part.step), board)
+        board_path = part.checkpoint.board_path if self._devices.leads else None
+        with contextlib.closing(Board(board_path)) as board:
+            self._run(Curve(part.checkpoint.curve_path, part.step), board)
 
     def _run(self, curve: Curve, board: Board) -> None:
         # Begin: the validation set is looked at before the first batch.

@@ -17,13 +17,16 @@ class Checkpoint:
     """A checkpoint of a stage: weights, optimiser state and step in one file, replaced atomically.
 
     Args:
-        path: path of the file, `.npz`.
+        run: folder of the run.
+        name: number and name of the stage, such as `1-segmentation`.
         signature: hash of everything that the stage's weights follow from. A file with another
             signature is refused.
     """
 
-    def __init__(self, path: Path, signature: str):
-        self.path = path
+    def __init__(self, run: Path, name: str, signature: str):
+        self.path = run / "stages" / f"{name}.npz"
+        self.curve_path = run / "curves" / f"{name}.csv"
+        self.board_path = run / "tensorboard" / name
         self._signature = signature
 
     def step(self, refuse: bool = True) -> int | None:

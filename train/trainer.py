@@ -36,7 +36,7 @@ from .optimizer import OPTIMIZERS, LossScale
 from .photos import answers
 from .photos.making import OnMaking
 from .stage_model import StageModel
-from .stage_training import Files, Progress, StageRun, StageTraining, Tell, evaluate
+from .stage_training import Progress, StageRun, StageTraining, Tell, evaluate
 from .stages import WARM_UP, Stage
 from .state import Checkpoint
 from .summary import evaluation_path
@@ -174,13 +174,12 @@ class _Run:
             kept = answers.read_by(learning, frozen)
             model = self._model(learning, kept)
             signature = _signature(config, stage, model, signatures)
-            files = Files(self._folder, f"{number}-{stage.name}")
-            checkpoint = Checkpoint(files.checkpoint, signature)
+            checkpoint = Checkpoint(self._folder, f"{number}-{stage.name}", signature)
             if reuse is not None:
                 if self._split.leads:
-                    _take_over(reuse, stage, signature, files)
+                    _take_over(reuse, stage, signature, checkpoint)
                 hosts.assert_same({"--reuse": stage.name})
-            part = StageRun(stage, model, kept, checkpoint, files, checkpoint.step() or 0)
+            part = StageRun(stage, model, kept, checkpoint, checkpoint.step() or 0)
             if part.is_finished or only is None or stage.name in only:
                 out.append(part)
                 signatures |= dict.fromkeys(stage.subnetworks, signature)
@@ -325,16 +324,16 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
 
 
-def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
+def _take_over(reuse: Path, stage: Stage, signature: str, here: Checkpoint) -> None:
     """Copy a finished stage from another run, if it is the same stage and not yet begun here.
 
     The stage may have another number in that run's file names.
     """
-    if files.checkpoint.is_file():
+    if here.path.is_file():
         return
     for path in (reuse / "stages").glob(f"[0-9]-{stage.name}.npz"):
-        if Checkpoint(path, signature).step(refuse=False) == stage.steps:
-            other = Files(reuse, path.stem)
-            for source, target in ((other.curve, files.curve), (path, files.checkpoint)):
+        other = Checkpoint(reuse, path.stem, signature)
+        if other.step(refuse=False) == stage.steps:
+            for source, target in ((other.curve_path, here.curve_path), (path, here.path)):
                 with atomic.replacing(target) as partial:
                     shutil.copyfile(source, partial)

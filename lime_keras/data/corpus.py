@@ -111,12 +111,12 @@ class Split:
         """The SHA-256 checksums of the shards, in order."""
         return self._texts("sha256")
 
-    @property
+    @functools.cached_property
     def shapes(self) -> list[str]:
         """The names of the shapes."""
         return self._texts("shapes")
 
-    @property
+    @functools.cached_property
     def lights(self) -> list[str]:
         """The names of the lights."""
         return self._texts("lights")

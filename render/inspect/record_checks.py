@@ -4,10 +4,10 @@ Letters as in the paper: n normal, o direction to the viewer, D, S and M; m_d, m
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
+from lime_keras.data.corpus import Split
 from lime_keras.optics import shading, shininess
 from lime_keras.optics.environment import STORED_SHAPE
 from lime_keras.optics.material_law import AMBIENT
@@ -44,26 +44,15 @@ most 22 %, where s is below 10, 9 % where it is 100 to 200, and 20 % above 500.
 """
 
 
-@dataclass(frozen=True)
-class Expected:
-    """The values that a split's manifest prescribes for each record."""
-
-    seed: int
-    size: int
-    lobe: str
-    shapes: frozenset[str]
-    lights: frozenset[str]
-
-
-def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[str, str]]:
+def faults(example: Mapping[str, np.ndarray], split: Split) -> list[tuple[str, str]]:
     """Return the faults of a record, each as its kind and a text of what was found and expected.
 
     Args:
         example: parsed record (see `records.parse`) in NumPy.
-        expected: values that the split's manifest prescribes.
+        split: its split, whose manifest prescribes the seed, the size, the lobe and all names.
     """
-    out = [*_origin(example, expected)]
-    square = expected.size, expected.size
+    out = [*_origin(example, split)]
+    square = split.size, split.size
     sizes = dict.fromkeys(("image", "mask", "normal", *_LAYERS), square)
     out += _sizes(example, sizes | {"environment": STORED_SHAPE})
     if any(kind == "size" for kind, _ in out):
@@ -78,14 +67,14 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
     if (misfit := recomposition.misfit(example)) is not None:
         out.append(("recomposition", misfit))
     if not normals:
-        out += _shading_sums(example, expected.lobe)
+        out += _shading_sums(example, split.lobe)
     return out
 
 
-def _origin(example: Mapping, expected: Expected) -> Iterator[tuple[str, str]]:
-    if example["seed"] != expected.seed:
-        yield "seed", f"seed is {example['seed']}, expected the corpus' {expected.seed}"
-    for kind, allowed in (("shape", expected.shapes), ("light", expected.lights)):
+def _origin(example: Mapping, split: Split) -> Iterator[tuple[str, str]]:
+    if example["seed"] != split.seed:
+        yield "seed", f"seed is {example['seed']}, expected the corpus' {split.seed}"
+    for kind, allowed in (("shape", split.shapes), ("light", split.lights)):
         text = example[kind].decode(errors="replace")
         if text not in allowed:
             yield "name", f"{kind} is {text}, which is none of the manifest's {len(allowed)}"

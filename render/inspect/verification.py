@@ -53,13 +53,6 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
     yield from _other_split(files)
     yield from _strays(files)
     count, shard_size, read = files.count, files.shard_size, itertools.count(1)
-    expected = record_checks.Expected(
-        seed=files.seed,
-        size=files.size,
-        lobe=files.lobe,
-        shapes=frozenset(files.shapes),
-        lights=frozenset(files.lights),
-    )
 
     def on_read() -> None:
         on_example(next(read), count)
@@ -72,7 +65,7 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
                 yield "file", f"{path}: the shard is missing: render the split again"
                 continue
             yield from _digests(path, files.sha256[shard:][:1], len(indices))
-            yield from _records(path, indices, expected, threads, on_read)
+            yield from _records(path, indices, files, threads, on_read)
 
 
 def _unreadable(split: Split) -> Fault | None:
@@ -168,14 +161,14 @@ def _digests(path: Path, listed: list[str], count: int) -> Iterator[Fault]:
 def _records(
     path: Path,
     indices: range,
-    expected: record_checks.Expected,
+    split: Split,
     threads: ThreadPoolExecutor,
     on_read: Callable[[], None],
 ) -> Iterator[Fault]:
     """Check the records of a shard in several threads; each that can be read calls `on_read`."""
     lost: list[str] = []
     serialized, done = _serialized(path, lost), 0
-    check = functools.partial(_check_record, expected=expected)
+    check = functools.partial(_check_record, split=split)
     while some := list(itertools.islice(serialized, _AHEAD * processors.count())):
         for index, found in threads.map(check, some):
             where = f"{path}, record {done}"
@@ -201,15 +194,13 @@ def _serialized(path: Path, lost: list[str]) -> Iterator[tf.Tensor]:
         lost.append(what + "and render the split again")
 
 
-def _check_record(
-    serialized: tf.Tensor, expected: record_checks.Expected
-) -> tuple[int | None, list[tuple[str, str]]]:
+def _check_record(serialized: tf.Tensor, split: Split) -> tuple[int | None, list[tuple[str, str]]]:
     """Return the index and the faults of a record; the index is None if decoding fails."""
     try:
         example = {name: value.numpy() for name, value in _parse(serialized).items()}
     except records.DAMAGED as error:
         return None, [("record", f"cannot be decoded: {records.words(error)}")]
-    return int(example["index"]), record_checks.faults(example, expected)
+    return int(example["index"]), record_checks.faults(example, split)
 
 
 @tf.function(input_signature=[tf.TensorSpec([], tf.string)])
