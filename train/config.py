@@ -77,7 +77,7 @@ class Config:
                 f"{path} is missing, so {run} holds no run to go on with: leave out --resume to "
                 "begin one"
             )
-        try:
+        with untrusted.naming(path, "a run of this version", "pass another --out"):
             recorded = untrusted.read_json(path)["config"]
             architecture = Architecture(**recorded.pop("architecture"))
             schedule = Schedule(**recorded.pop("schedule"))
@@ -85,10 +85,6 @@ class Config:
                 if recorded.get(name) is not None:
                     recorded[name] = tuple(recorded[name])
             return cls(architecture=architecture, schedule=schedule, **recorded)
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise ValueError(
-                f"{path} is not of this version ({error}): pass another --out"
-            ) from error
 
 
 def config_path(run: Path) -> Path:
@@ -130,12 +126,8 @@ def check(run: Path, config: Config) -> None:
     path = config_path(run)
     if not path.is_file():
         return
-    try:
+    with untrusted.naming(path, "the record of a run", f"pass another --out, or remove {run}"):
         recorded = {**untrusted.read_json(path)["config"]}
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(
-            f"{path} is no record of a run ({error}): pass another --out, or remove {run}"
-        ) from error
     differing = [
         f"{name} {there} there, {asked} asked"
         for name, there, asked in differences(recorded, _plain(config))

@@ -170,12 +170,8 @@ def _names() -> str:
 
 def _numbers(path: Path) -> dict[str, np.ndarray]:
     """Return the numbers of a JSON by output, float32 `(K,)`; other keys are not read."""
-    try:
+    with untrusted.naming(path, "an answer", "write one JSON object, or delete the file"):
         content = untrusted.read_json(path)
-    except ValueError as error:
-        raise ValueError(
-            f"{path} is no answer ({error}): write one JSON object, or delete the file"
-        ) from error
     numbers = {name: _checked(path, name, content[name]) for name in _VALUES if name in content}
     if "exponent" in numbers:
         numbers["log_exponent"] = np.log10(numbers.pop("exponent"))

@@ -67,13 +67,9 @@ class Split:
                 f"{path} is missing: `lime-render {self.corpus} --split {self.name} --count N` "
                 "renders the split, or completes it where it was interrupted"
             )
-        try:
+        mend = "delete it and run the same `lime-render` command again"
+        with untrusted.naming(path, "a manifest", mend):
             return untrusted.read_json(path)
-        except ValueError as error:
-            raise ValueError(
-                f"{path} is broken ({error}): delete it and run the same `lime-render` command "
-                "again"
-            ) from error
 
     def shard_paths(self) -> list[Path]:
         """Return the paths of all shards of the complete split, in order.

@@ -66,12 +66,13 @@ def check_size(path: Path, width: int, height: int, channels: int, largest: int)
 
 
 @contextlib.contextmanager
-def naming(path: Path, what: str) -> Iterator[None]:
+def naming(path: Path, what: str, mend: str = "") -> Iterator[None]:
     """Turn whatever a reader raises into a ValueError that names the file.
 
     Args:
         path: path of the file.
         what: what it is read as, for the message: `a picture`.
+        mend: what to do about it, for the end of the message, if the reason does not say so.
 
     Raises:
         ValueError: in place of any other error of the block.
@@ -93,8 +94,10 @@ def naming(path: Path, what: str) -> Iterator[None]:
         lines = dict.fromkeys(" ".join(line.split()) for line in str(error).splitlines())
         reason = " ".join(filter(None, lines))[:_LONGEST] or type(error).__name__
         if path.is_file() and not path.stat().st_size:
-            reason = "it is empty; copy or make it again"
-        raise ValueError(f"{path} cannot be read as {what}: {reason}") from error
+            reason = "it is empty" if mend else "it is empty; copy or make it again"
+        raise ValueError(
+            f"{path} cannot be read as {what}: {'; '.join(filter(None, (reason, mend)))}"
+        ) from error
 
 
 def read_json(path: Path) -> Any:

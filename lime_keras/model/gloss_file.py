@@ -26,13 +26,10 @@ def read(run: Path) -> Calibration:
     path = model_folder.folder(run) / NAME
     if not path.exists():
         return DEFAULT
-    try:
+    mend = "delete it, or write it with benchmarks/gloss.py"
+    with untrusted.naming(path, "a calibration", mend):
         content = untrusted.read_json(path)
         calibration = Calibration(float(content["even"]), float(content["slope"]))
         if not (math.isfinite(calibration.even) and 0 < calibration.slope < math.inf):
             raise ValueError(f"its numbers are {calibration}")
-    except (ValueError, LookupError, TypeError) as error:
-        raise ValueError(
-            f"{path} is damaged ({error}): delete it, or write it with benchmarks/gloss.py"
-        ) from error
     return calibration

@@ -94,11 +94,9 @@ def read_architecture(model: Path) -> Architecture:
     model = model_folder.folder(model)
     description = model / model_folder.ARCHITECTURE
     model_folder.check_present(model, description)
-    try:
+    with untrusted.naming(description, "an architecture of this version", "train again"):
         settings = untrusted.read_json(description).items()
         return Architecture(**dict(one for one in settings if one not in _RETIRED))
-    except (AttributeError, TypeError, ValueError) as error:
-        raise ValueError(f"{description} is not of this version: {error}; train again") from error
 
 
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:

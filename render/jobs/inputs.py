@@ -251,14 +251,12 @@ def read(path: Path) -> Findings | None:
     """
     if not path.is_file():
         return None
-    try:
+    with untrusted.naming(path, "findings", "remove it"):
         value: dict[str, list[dict[str, Any]]] = untrusted.read_json(path)
         return {
             kind: [_sound(Finding(**{**f, "notes": tuple(f["notes"])})) for f in found]
             for kind, found in value.items()
         }
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} holds no findings ({error}): remove it") from error
 
 
 def _sound(finding: Finding) -> Finding:

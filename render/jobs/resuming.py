@@ -22,12 +22,8 @@ def read_description(path: Path) -> dict[str, Any] | None:
     """
     if not path.is_file():
         return None
-    try:
+    with untrusted.naming(path, "a description", f"remove {path.parent} to render anew"):
         return untrusted.read_json(path)
-    except ValueError as error:
-        raise ValueError(
-            f"{path} is broken ({error}): remove {path.parent} to render anew"
-        ) from error
 
 
 def sidecar(path: Path) -> dict[str, Any]:
@@ -36,16 +32,12 @@ def sidecar(path: Path) -> dict[str, Any]:
     Raises:
         ValueError: if the file is missing, or is not the record of a finished shard.
     """
-    try:
+    mend = "delete it, and run the same command again"
+    with untrusted.naming(path, "the record of a finished shard", mend):
         content = untrusted.read_json(path)
         kinds = [type(content[name]) for name in ("failures", "packages")]
         if kinds != [list, dict] or "sha256" not in content:
             raise ValueError("a part is missing")
-    except (KeyError, ValueError) as error:
-        raise ValueError(
-            f"{path} is not the record of a finished shard ({error}): delete it, and run the same "
-            "command again"
-        ) from error
     return content
 
 

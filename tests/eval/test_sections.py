@@ -157,7 +157,7 @@ def test_broken_answers_are_told_in_one_line(corpus, answers, tmp_path, capsys):
     assert cli.main(command) == 1
     told = capsys.readouterr()
     assert not told.out and "Traceback" not in told.err
-    assert f"error: {copy / '00002.json'} is no answer" in told.err
+    assert f"error: {copy / '00002.json'} cannot be read as an answer" in told.err
 
 
 def test_the_example_of_the_benchmark_is_measured(corpus, tmp_path, monkeypatch):

@@ -320,7 +320,9 @@ def test_a_runs_config_is_read_back(config, finished, tmp_path):
         Config.read(tmp_path)
     for text in ("", "{}", '{"config": {"architecture": {}}}'):
         (tmp_path / "config.json").write_text(text, encoding="utf-8")
-        with pytest.raises(ValueError, match=r"config\.json is not of this version"):
+        with pytest.raises(
+            ValueError, match=r"config\.json cannot be read as a run of this version"
+        ):
             Config.read(tmp_path)
 
 
@@ -468,9 +470,13 @@ def test_a_run_that_another_process_trains_is_refused(corpus, config, tmp_path):
 @pytest.mark.parametrize("content", ["{", "[]", "{}", '{"config": 3}', "[" * 100_000])
 def test_a_record_of_a_run_that_is_none_is_named(content, corpus, config, tmp_path):
     (tmp_path / "config.json").write_text(content)
-    with pytest.raises(ValueError, match=r"config\.json is no record of a run .*another --out"):
+    with pytest.raises(
+        ValueError, match=r"config\.json cannot be read as the record of a run.*another --out"
+    ):
         trainer.train([corpus], tmp_path, config, _ignore)
-    with pytest.raises(ValueError, match=r"config\.json is not of this version .*another --out"):
+    with pytest.raises(
+        ValueError, match=r"config\.json cannot be read as a run of this version.*another --out"
+    ):
         Config.read(tmp_path)
 
 
@@ -650,7 +656,7 @@ def test_the_record_of_another_version_is_refused_by_name(tmp_path, brief_smoke,
     del record["config"]["schedule"]["papers"], record["config"]["minutes"]
     record["config"]["lens"] = "wide"
     config_path(tmp_path).write_text(json.dumps(record))
-    with pytest.raises(ValueError, match=r"is not of this version .*lens"):
+    with pytest.raises(ValueError, match=r"a run of this version.*lens"):
         Config.read(tmp_path)
 
 

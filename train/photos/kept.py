@@ -150,13 +150,9 @@ def count_in(folder: Path) -> int | None:
     path = folder / _RECORD
     if not path.is_file():
         return None
-    try:
+    mend = f"remove {folder}, and the same command makes them again"
+    with untrusted.naming(path, "the record of photos", mend):
         return int(untrusted.read_json(path)["rows"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(
-            f"{path} is no record of photos ({error}): remove {folder}, and the same command makes "
-            "them again"
-        ) from error
 
 
 class Kept:

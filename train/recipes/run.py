@@ -130,12 +130,10 @@ class _Run:
         plain = json.loads(json.dumps(dataclasses.asdict(self._recipe)))
         path, list_path = self._folder / "recipe.json", self._folder / "data.json"
         if path.is_file():
-            try:
+            with untrusted.naming(path, "the record of a recipe", "remove it"):
                 record = untrusted.read_json(path)
                 begun = {"recipe": record["recipe"], "seed": record["seed"]}
                 begun |= {"data": untrusted.read_json(list_path)}
-            except (KeyError, TypeError, ValueError, OSError) as error:
-                raise ValueError(f"{path} is no recipe's record ({error}): remove it") from error
             asked = {"recipe": plain, "seed": seed, "data": dict(files)}
             if said := [f"{key} {a} there, {b} asked" for key, a, b in differences(begun, asked)]:
                 more = f"; and {len(said) - _NAMED} more" if len(said) > _NAMED else ""
@@ -281,10 +279,8 @@ class _Run:
 
 def _packages(path: Path) -> list[dict[str, Any]]:
     """Return the records of downloaded packages."""
-    try:
+    with untrusted.naming(path, "the record of cut-outs", "remove it"):
         return [dict(one) for one in untrusted.read_json(path)["packages"]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} is no record of cut-outs ({error}): remove it") from error
 
 
 def _record_path(run: Path, name: str) -> Path:

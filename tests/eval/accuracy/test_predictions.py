@@ -202,7 +202,9 @@ def test_numbers_that_are_none_are_named(changes, told, answers, corpus):
 def test_what_is_no_json_is_named(content, answers, corpus):
     path = answers / "00002.json"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match=rf"^{re.escape(str(path))} is no answer .*: write one"):
+    with pytest.raises(
+        ValueError, match=rf"^{re.escape(str(path))} cannot be read as an answer: .*; write one"
+    ):
         evaluate_predictions(find(answers), corpus)
 
 

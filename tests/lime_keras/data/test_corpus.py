@@ -100,9 +100,9 @@ def test_a_missing_shard_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("{", "is broken .*delete it"),
-        ("[]", "is broken .*delete it"),
-        ("[" * 100_000, "is broken .*nested too deeply.*delete it"),
+        ("{", "cannot be read as a manifest.*delete it"),
+        ("[]", "cannot be read as a manifest.*delete it"),
+        ("[" * 100_000, "cannot be read as a manifest.*nested too deeply.*delete it"),
         ("{}", "is no manifest"),
         ('{"shards": "two"}', "is no manifest"),
         ('{"shards": 1, "description": []}', "is no manifest"),

@@ -18,7 +18,9 @@ def test_it_is_read_where_it_is(tmp_path):
 @pytest.mark.parametrize("text", ["{", "[]", '{"even": 1}', '{"even": 1, "slope": -2}', "{}"])
 def test_a_damaged_one_is_refused_with_its_name(tmp_path, text):
     (tmp_path / gloss_file.NAME).write_text(text)
-    with pytest.raises(ValueError, match=r"gloss.json is damaged.*benchmarks/gloss.py"):
+    with pytest.raises(
+        ValueError, match=r"gloss.json cannot be read as a calibration.*benchmarks/gloss.py"
+    ):
         gloss_file.read(tmp_path)
 
 

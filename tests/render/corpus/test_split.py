@@ -518,5 +518,5 @@ def test_shards_of_other_software_are_told_in_the_manifest(
 def test_a_broken_description_is_told_by_name(description, mitsuba_choice, tmp_path):
     (tmp_path / "train").mkdir()
     (tmp_path / "train" / "description.json").write_text("{", encoding="utf-8")
-    with pytest.raises(ValueError, match=r"description\.json is broken"):
+    with pytest.raises(ValueError, match=r"description\.json cannot be read as a description"):
         render(tmp_path, description, mitsuba_choice)

@@ -136,7 +136,7 @@ def test_inputs_that_are_missing_or_damaged_are_a_fault(content, corpus):
     path = corpus / "train" / "inputs.json"
     path.unlink() if content is None else path.write_text(content, encoding="utf-8")
     [(kind, text)] = verify(corpus)
-    reason = ": is missing" if content is None else " holds no findings"
+    reason = ": is missing" if content is None else " cannot be read as findings"
     assert kind == "inputs" and text.startswith(f"{path}{reason}") and "render again" in text
 
 
@@ -405,7 +405,7 @@ def test_what_training_and_test_share_is_told(corpus, kind):
     ("content", "message"),
     [
         (None, "is missing: `lime-render"),
-        ("{", "is broken ("),
+        ("{", "cannot be read as a manifest"),
         ("[]", "it holds no JSON object"),
         ('{"shards": 2}', "is no manifest of `lime-render`, by its examples: render"),
     ],

@@ -64,7 +64,7 @@ def test_findings_of_other_types_are_refused(wrong, tmp_path):
     sound = inputs.Finding("a.obj", "0" * 64, 3, 5)
     findings = {"shapes": [dataclasses.replace(sound, **wrong)]}
     resuming.write_json(path, inputs.recorded(findings))
-    with pytest.raises(ValueError, match=r"inputs\.json holds no findings .*: remove it"):
+    with pytest.raises(ValueError, match=r"inputs\.json cannot be read as findings: .*; remove it"):
         inputs.read(path)
 
 
@@ -212,7 +212,7 @@ def test_files_that_come_or_go_are_refused_by_name(files, tmp_path):
 def test_findings_that_were_garbled_are_refused_by_name(tmp_path, text):
     assert inputs.read(tmp_path / "inputs.json") is None
     (tmp_path / "inputs.json").write_text(text)
-    with pytest.raises(ValueError, match=r"inputs\.json holds no findings"):
+    with pytest.raises(ValueError, match=r"inputs\.json cannot be read as findings"):
         inputs.read(tmp_path / "inputs.json")
 
 

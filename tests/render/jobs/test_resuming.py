@@ -24,7 +24,8 @@ def test_what_is_no_sidecar_is_named_with_the_mend(change, tmp_path):
     path = tmp_path / "00000.json"
     path.write_text(json.dumps(content), encoding="utf-8")
     with pytest.raises(
-        ValueError, match=r"00000\.json is not the record of .*: delete it, and run"
+        ValueError,
+        match=r"00000\.json cannot be read as the record of a finished shard: .*; delete it",
     ):
         resuming.sidecar(path)
 

@@ -122,5 +122,7 @@ def test_what_photos_cannot_hold_is_refused(tmp_path):
 def test_a_broken_record_is_named(photos):
     photos.begin()
     (photos.folder / "photos.json").write_text("{}")
-    with pytest.raises(ValueError, match=r"photos\.json is no record of photos.*remove"):
+    with pytest.raises(
+        ValueError, match=r"photos\.json cannot be read as the record of photos.*remove"
+    ):
         kept.count_in(photos.folder)

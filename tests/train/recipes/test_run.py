@@ -166,7 +166,7 @@ def test_another_recipe_or_other_data_are_refused(own, folder, commands, tmp_pat
     with pytest.raises(ValueError, match="reads meshes and maps: pass --data"):
         run.carry_out(own, tmp_path / "new")
     (out / "recipe.json").write_text("[]")
-    with pytest.raises(ValueError, match=r"recipe.json is no recipe's record"):
+    with pytest.raises(ValueError, match=r"recipe.json cannot be read as the record of a recipe"):
         run.carry_out(own, out, data_folder=folder)
 
 
@@ -257,7 +257,7 @@ def test_cutouts_are_downloaded_once(own, folder, commands, tmp_path, monkeypatc
     assert "trainings/masks" in made[1]["steps"]
     assert made[0]["steps"].keys() - made[1]["steps"].keys() == {"corpora/validation"}
     (first / "cutouts.json").write_text("[]")
-    with pytest.raises(ValueError, match=r"cutouts.json is no record of cut-outs"):
+    with pytest.raises(ValueError, match=r"cutouts.json cannot be read as the record of cut-outs"):
         run.carry_out(own, first, data_folder=folder)
 
 
