@@ -140,20 +140,33 @@ class Studio:
         Raises:
             ValueError: if a record is damaged; the message names it.
         """
-        import tensorflow as tf
-
         from lime_keras.data import pipeline
 
         wears = self._recipe.paint == "clutter"
         shown = [self._scenes.record(number) for number in numbers]
         others = [self._scenes.record(number - 1) if wears else b"" for number in numbers]
-        dataset = tf.data.Dataset.from_tensor_slices((np.array(numbers), shown, others))
-        dataset = dataset.map(self._photo, num_parallel_calls=2, deterministic=True)
-        options = tf.data.Options()
-        options.threading.private_threadpool_size = 2
-        dataset = dataset.with_options(options).batch(len(numbers))
-        (rows,) = pipeline.naming_damage(dataset.as_numpy_iterator(), self._scenes.shards)
-        return rows
+        taken = map(self._take, [np.array(numbers)], [shown], [others])
+        (rows,) = pipeline.naming_damage(taken, self._scenes.shards)
+        return {name: value.numpy() for name, value in rows.items()}
+
+    @functools.cached_property
+    def _take(self) -> Callable[[Any, Any, Any], dict[str, Any]]:
+        """The function from numbers and serialised examples to photos as rows.
+
+        It builds its dataset in a graph, as a dataset of each part would be traced anew.
+        """
+        import tensorflow as tf
+
+        def take(numbers: Any, shown: Any, others: Any) -> dict[str, Any]:
+            dataset = tf.data.Dataset.from_tensor_slices((numbers, shown, others))
+            dataset = dataset.map(self._photo, num_parallel_calls=2, deterministic=True)
+            options = tf.data.Options()
+            options.threading.private_threadpool_size = 2
+            dataset = dataset.with_options(options).batch(tf.size(numbers, tf.int64))
+            return dataset.get_single_element()
+
+        rows = [tf.TensorSpec([None], kind) for kind in (tf.int64, tf.string, tf.string)]
+        return tf.function(take, input_signature=rows)
 
     def _photo(self, number: Any, serialized: Any, other: Any) -> dict[str, Any]:
         """Return the features of a photo as tensors, in the graph of a dataset."""
