@@ -31,15 +31,8 @@ _LARGEST_EXPONENT = 1000.0
 _UNLIT = -1e30  # value in place of log 0: finite, so that no exponent makes it NaN
 
 
-def reflectance_map(
-    environment: Any,
-    shininess: Any,
-    diffuse_albedo: Any,
-    specular_albedo: Any,
-    ambient: Any,
-    size: int,
-) -> Any:
-    """Return the linear radiance of Eq. 4 on a sphere, not clipped.
+def true_reflectance_map(batch: Mapping[str, Any]) -> Any:
+    """Return the linear radiance of Eq. 4 on a sphere, not clipped, for each example of a batch.
 
     D and S are normalised to the white furnace. The pixel whose centre is (u, v), u to the right
     and v up, shows the normal (u, v, √(1 − u² − v²)). The examples are shaded one after the other,
@@ -47,41 +40,22 @@ def reflectance_map(
     checks neither shapes nor ranges.
 
     Args:
-        environment: light in camera space, linear radiance `(B, 64, 128, 1)`, at least 0.
-        shininess: exponent s, `(B,)`, at least 0. Above 1000 it counts as 1000, whose lobe is
-            about as narrow as a texel of the light.
-        diffuse_albedo: m_d, linear RGB `(B, 3)` in [0, 1].
-        specular_albedo: m_s, `(B,)` in [0, 1].
-        ambient: m_a, linear radiance `(B,)`, at least 0.
-        size: height and width of the map in pixels.
+        batch: features by the names of `data.pipeline`: the light `(B, 64, 128, 1)`, linear
+            radiance in camera space; the whole material; and the mask `(B, S, S, 1)`, whose size S
+            the map has. An exponent above 1000 counts as 1000, whose lobe is about as narrow as a
+            texel of the light.
 
     Returns:
-        Linear RGB radiance `(B, size, size, 3)`, top row first, 0 outside `disc(size)`.
+        Linear RGB radiance `(B, S, S, 3)`, top row first, 0 outside `disc(S)`.
     """
+    size = batch["mask"].shape[1]
     composed = compose(
-        _single(diffuse_albedo),
-        _single(specular_albedo),
-        _single(ambient),
-        *sphere_shading(environment, shininess, size),
+        _single(batch["diffuse_albedo"]),
+        _single(batch["specular_albedo"]),
+        _single(batch["ambient"]),
+        *sphere_shading(batch["environment"], batch["shininess"], size),
     )
     return composed * disc(size)
-
-
-def true_reflectance_map(batch: Mapping[str, Any]) -> Any:
-    """Return the reflectance map of each example of a batch, `(B, S, S, 3)` linear radiance.
-
-    Args:
-        batch: features by the names of `data.pipeline`: the light and the whole material, and the
-            mask `(B, S, S, 1)`, whose size S the map has.
-    """
-    return reflectance_map(
-        batch["environment"],
-        batch["shininess"],
-        batch["diffuse_albedo"],
-        batch["specular_albedo"],
-        batch["ambient"],
-        batch["mask"].shape[1],
-    )
 
 
 def sphere_shading(environment: Any, shininess: Any, size: int) -> tuple[Any, Any]:

@@ -15,7 +15,7 @@ from lime_keras.metrics import masked_relative_error
 from lime_keras.networks import Architecture, build, subnetwork_names
 from lime_keras.optics import shading
 from lime_keras.optics.dynamic_range import compress, expand
-from lime_keras.optics.reflectance_map import disc, reflectance_map
+from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 from lime_keras.train import terms
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES
@@ -174,15 +174,7 @@ def test_the_baseline_sees_the_true_map_alone_and_the_estimated_one_joined(four_
     subnetworks, alone = _compiled(["material"], architecture=BASELINE)
     joined = StageModel({name: subnetworks[name] for name in ("reflectance_map", "material")})
     joined.compile()
-    material = ("diffuse_albedo", "specular_albedo", "ambient")
-    true = compress(
-        reflectance_map(
-            four_images["environment"],
-            four_images["shininess"],
-            *(four_images[name] for name in material),
-            64,
-        )
-    )
+    true = compress(true_reflectance_map(four_images))
     masked = four_images["image"] * four_images["mask"]
     estimated = subnetworks["reflectance_map"](masked) * disc(64)
     for model, sphere in ((alone, true), (joined, estimated)):

@@ -6,29 +6,35 @@ import numpy as np
 import pytest
 
 from lime_keras.optics import environment, shading
-from lime_keras.optics.reflectance_map import disc, reflectance_map
+from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 
 SHAPE = environment.STORED_SHAPE
 
 
 @functools.cache
-def _compiled(size):
+def _compiled():
     import tensorflow as tf
 
-    return tf.function(functools.partial(reflectance_map, size=size))
+    return tf.function(true_reflectance_map)
 
 
-def _drawn(maps, exponents, m_d=(0.0, 0.0, 0.0), m_s=0.0, m_a=0.0, size=32):
-    """Maps of a list of lights `(64, 128)`, compiled, as an array `(B, size, size, 3)`."""
+def _batch(maps, exponents, m_d=(0.0, 0.0, 0.0), m_s=0.0, m_a=0.0, size=32):
+    """A batch with a list of lights `(64, 128)`."""
     count = len(maps)
-    arrays = (
-        np.stack(maps)[..., None],
-        np.broadcast_to(exponents, count),
-        np.broadcast_to(m_d, (count, 3)),
-        np.broadcast_to(m_s, count),
-        np.broadcast_to(m_a, count),
-    )
-    return _compiled(size)(*(array.astype(np.float32) for array in arrays)).numpy()
+    batch = {
+        "environment": np.stack(maps)[..., None],
+        "shininess": np.broadcast_to(exponents, count),
+        "diffuse_albedo": np.broadcast_to(m_d, (count, 3)),
+        "specular_albedo": np.broadcast_to(m_s, count),
+        "ambient": np.broadcast_to(m_a, count),
+        "mask": np.zeros((count, size, size, 1)),
+    }
+    return {name: array.astype(np.float32) for name, array in batch.items()}
+
+
+def _drawn(*arguments, **options):
+    """Maps of the batch of these arguments, compiled, as an array `(B, size, size, 3)`."""
+    return _compiled()(_batch(*arguments, **options)).numpy()
 
 
 def _diffuse(maps, size=32):
@@ -146,9 +152,9 @@ def test_arrays_and_compiled_tensors_agree():
     lights = np.stack([_room(), _lamp([0.5, 0.5, 0.7], 50, 1), 0 * _room()]).astype(np.float32)
     exponents = np.array([20, 400, 1], np.float32)
     m_d, ones = np.tile(np.array([1, 0.5, 0], np.float32), (3, 1)), np.ones(3, np.float32)
-    arrays = reflectance_map(lights[..., None], exponents, m_d, ones, 0 * ones, size=16)
+    arrays = true_reflectance_map(_batch(lights, exponents, m_d, ones, 0 * ones, size=16))
     assert isinstance(arrays, np.ndarray) and arrays.dtype == np.float32
     compiled = _drawn(lights, exponents, m_d, ones, 0 * ones, size=16)
     np.testing.assert_allclose(arrays, compiled, rtol=1e-5, atol=1e-6)
-    one = reflectance_map(lights[:1, ..., None], exponents[:1], m_d[:1], ones[:1], [0], size=16)
+    one = true_reflectance_map(_batch(lights[:1], exponents[:1], m_d[:1], ones[:1], size=16))
     np.testing.assert_allclose(one, arrays[:1], rtol=1e-5, atol=1e-6)

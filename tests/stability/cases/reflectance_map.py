@@ -49,9 +49,15 @@ def cases() -> list[Case]:
 def _drawn(
     environment_map: Any, shininess: Any, diffuse_albedo: Any, specular_albedo: Any, ambient: Any
 ) -> Any:
-    return library.reflectance_map(
-        environment_map, shininess, diffuse_albedo, specular_albedo, ambient, _SIZE
-    )
+    batch = {
+        "environment": environment_map,
+        "shininess": shininess,
+        "diffuse_albedo": diffuse_albedo,
+        "specular_albedo": specular_albedo,
+        "ambient": ambient,
+        "mask": np.zeros((1, _SIZE, _SIZE, 1)),
+    }
+    return library.true_reflectance_map(batch)
 
 
 def _maps(
