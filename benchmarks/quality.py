@@ -22,7 +22,7 @@ import numpy as np
 from tqdm import tqdm
 
 from lime_keras import console
-from lime_keras.optics import shading, shininess
+from lime_keras.optics import environment, shading, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.render.corpus.random_example import Sources
 from lime_keras.render.mitsuba_setup import variants
@@ -218,7 +218,7 @@ def _plain_errors(scene: Scene, exponent: float) -> dict[str, np.ndarray]:
     plain = {
         "D": few.pixel_means(shading.diffuse(normal, *texels)),
         "S": few.pixel_means(shading.specular(normal, view, exponent, *texels)),
-        "M": few.pixel_means(shading.mirror(normal, view, light.radiance)),
+        "M": few.pixel_means(environment.lookup(light.radiance, shading.reflect(normal, view))),
     }
     found = _at(few, light, scene.rotation, exponent, pixels)
     return {layer: _relative(found[layer], plain[layer]) for layer in LAYERS}

@@ -1,4 +1,4 @@
-"""Direct sums for D, S and M (Eqs. 1–3) over the texels of an environment map.
+"""Direct sums for D and S (Eqs. 2 and 3) over the texels of a map, and the mirror direction of M.
 
 Letters as in the paper: `n` surface normal, `o` direction to the viewer, both unit, `(N, 3)`, in
 the map's frame; `i` direction to the light; `h` half vector; `s` exponent. Shading is normalised to
@@ -55,27 +55,14 @@ def assumed_camera(height: int, width: int) -> np.ndarray:
 def reflect(normal: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Return the mirror direction 2(o·n)n − o, `(N, 3)`, of unit vectors n and o, `(N, 3)`.
 
+    M(n, o), the light from there, is `environment.lookup` of the map in this direction.
+
     Example:
         >>> up, view = np.array([[0.0, 0.0, 1.0]]), np.array([[0.6, 0.0, 0.8]])
         >>> reflect(up, view).tolist()
         [[-0.6, 0.0, 0.8]]
     """
     return 2 * np.einsum("...i,...i->...", normal, view)[..., None] * normal - view
-
-
-def mirror(normal: np.ndarray, view: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-    """Return M(n, o) = E(2(o·n)n − o), linear radiance `(N,)`, bilinear in the map.
-
-    Args:
-        normal: n, unit, `(N, 3)`.
-        view: o, unit, `(N, 3)`.
-        radiance: E, linear radiance `(H, W)`, at least 0.
-
-    Raises:
-        ValueError: if a texel is NaN, infinite or negative.
-    """
-    environment.check(radiance)
-    return environment.lookup(radiance, reflect(normal, view))
 
 
 def diffuse(normal: np.ndarray, light: np.ndarray, energy: np.ndarray) -> np.ndarray:

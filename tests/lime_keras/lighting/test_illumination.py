@@ -31,7 +31,7 @@ def _layers(radiance, normal, view, mask):
     inside = mask[..., 0] > 0
     layers = []
     for values in (
-        shading.mirror(normal[inside], view[inside], radiance),
+        environment.lookup(radiance, shading.reflect(normal[inside], view[inside])),
         shading.diffuse(normal[inside], *shading.texels(radiance)),
     ):
         layer = np.zeros(mask.shape)

@@ -46,7 +46,6 @@ def cases() -> list[Case]:
 def _refusals() -> list[Case]:
     takers: dict[str, Callable[[np.ndarray], Any]] = {
         "texels": lambda radiance: shading.texels(radiance),
-        "mirror": lambda radiance: shading.mirror(*surface()[:2], radiance),
         "rotate": lambda radiance: environment.rotate(radiance, np.eye(3), 8, 16),
     }
     return [
@@ -70,7 +69,10 @@ def _refused(take: Callable[[np.ndarray], Any], value: float) -> Outcome:
 def _mirror(light: str, precision: Precision) -> Outcome:
     normal, view = surface()
     found, _ = precision.evaluate(
-        lambda n, o, radiance: shading.mirror(n, o, radiance), normal, view, lights()[light]
+        lambda n, o, radiance: environment.lookup(radiance, shading.reflect(n, o)),
+        normal,
+        view,
+        lights()[light],
     )
     n, o = precision.rounded(normal), precision.rounded(view)
     mirrored = 2 * np.sum(n * o, axis=-1, keepdims=True) * n - o
@@ -82,7 +84,7 @@ def _mirror_at(directions: list[tuple[float, float, float]], precision: Precisio
     radiance = lights()["radiance 1e-8"]
     facing = unit(np.array(directions))
     found, _ = precision.evaluate(
-        lambda n, radiance: shading.mirror(n, n, radiance), facing, radiance
+        lambda n, radiance: environment.lookup(radiance, shading.reflect(n, n)), facing, radiance
     )
     return Outcome(_looked_up(found, precision.rounded(facing), radiance, precision))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lime_keras.optics import camera_law, shading
+from lime_keras.optics import camera_law, environment, shading
 from lime_keras.train.photos.flips import flip
 from lime_keras.train.photos.kept import INPUT_MASK, PREDICTED
 
@@ -42,7 +42,7 @@ def shaded(scene):
         "specular_shading": shading.specular(
             normal, view, float(scene["shininess"]), *shading.texels(light)
         ),
-        "mirror": shading.mirror(normal, view, light),
+        "mirror": environment.lookup(light, shading.reflect(normal, view)),
     }
     return {name: values.reshape(SIZE, SIZE, 1) for name, values in layers.items()}
 
