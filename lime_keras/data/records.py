@@ -1,20 +1,6 @@
 """The TFRecord schema of a training example: its encoder and its parser.
 
-| feature | shape | content |
-|---|---|---|
-| image | (S, S, 3) | LDR sRGB in [0, 1] over its background; PNG, 8 bits |
-| mask | (S, S, 1) | coverage in [0, 1], fractional at the edge; PNG, 8 bits |
-| diffuse_shading, specular_shading, mirror | (S, S, 1) | linear radiance; half floats in a PNG |
-| normal | (S, S, 3) | camera space, unit inside the mask, 0 outside; half floats in a PNG |
-| environment | (64, 128, 1) | light in camera space, linear radiance; half floats in a PNG |
-| camera | (4,) | fx, fy, cx, cy in pixels |
-| diffuse_albedo | (3,) | m_d, linear RGB in [0, 1] |
-| specular_albedo, shininess, ambient | () | m_s, s and m_a |
-| shape, light | () | names of the mesh and the environment map |
-| seed, index | () | seed of the corpus and number of the example: enough to render it again |
-
-The bits of half floats are stored as a 16-bit PNG. This is lossless and decoded inside the
-`tf.data` graph. It is smaller than a deflated tensor, because PNG filters suit smooth images.
+`docs/reference/records.md` lists the features with their shapes, units and ranges.
 """
 
 import re
@@ -62,7 +48,7 @@ def encode(example: Mapping[str, Any]) -> bytes:
     Radiance above 65,504, the limit of half precision, is stored as 65,504.
 
     Args:
-        example: a value for each of `FEATURES`, with the shapes and ranges of the table above.
+        example: a value for each of `FEATURES`, as `docs/reference/records.md` describes it.
 
     Raises:
         ValueError: if a feature is missing or unknown, has a wrong shape, is not finite, or lies
@@ -93,8 +79,8 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
         features: names of the features to decode; the images take most of the time.
 
     Returns:
-        Tensors with the names, shapes and units of the table above, as float32; strings and
-        integers keep their types.
+        Tensors with the names, shapes and units of `docs/reference/records.md`, as float32;
+        strings and integers keep their types.
 
     Raises:
         ValueError: if a feature is unknown.
