@@ -36,7 +36,11 @@ def misfit(example: Mapping) -> str | None:
     covered = covered_pixels(example)
     code = (pixels_at(example["image"], covered) * 255 + 0.5).astype(np.uint8)
     coverage = pixels_at(example["mask"], covered)
-    low, high = _blended(coverage, *_composed(example, covered))
+    # The background lies in [0, 1]. Of the coverage, of 8 bits, only 0 and 1 are exact.
+    slack = np.where(coverage < 1, np.float32(0.5 / 255), np.float32(0))
+    low, high = _composed(example, covered)
+    low, above = low * (coverage - slack), high - 1
+    high = 1 + np.where(above > 0, coverage + slack, coverage - slack) * above
     darkest, lightest = _LOWEST[code], _HIGHEST[code]
     wrong = (low > lightest) | (high < darkest)
     if not wrong.any():
@@ -63,22 +67,6 @@ def _composed(example: Mapping, covered: np.ndarray) -> tuple[np.ndarray, np.nda
     high = composed + error
     high[np.maximum(*layers)[0, 0, :, 0] >= records.LARGEST_HALF] = np.inf
     return composed - error, high
-
-
-def _blended(
-    coverage: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the bounds `(N, 3)` of the radiance after blending with a background in [0, 1].
-
-    They are changed in place. Of the coverage `(N, 1)`, of 8 bits, only 0 and 1 are exact.
-    """
-    partial = np.flatnonzero(coverage < 1)
-    slack = np.float32(0.5 / 255)
-    shares, tops = coverage[partial], high[partial]
-    low[partial] *= shares - slack
-    above = tops - 1
-    high[partial] = 1 + np.where(above > 0, shares + slack, shares - slack) * above
-    return low, high
 
 
 def covered_pixels(example: Mapping) -> np.ndarray:
