@@ -28,22 +28,13 @@ class Stage:
             ground truth in place of all other subnetworks' predictions.
         steps: number of batches.
         learning_rate: largest learning rate.
-        cosine: whether the learning rate falls to 0 by the last batch, along half a cosine.
         optimizer: a key of `optimizer.OPTIMIZERS`. Muon's learning rate first rises from 0.
-        epsilon: Adam's ε.
-        decay: the learning rate is divided by 1 + decay · batches so far.
-        average: momentum of the optimiser's moving average of the weights (Keras' `use_ema`), which
-            takes their place after the last batch; None for the last weights.
     """
 
     subnetworks: tuple[str, ...]
     steps: int
     learning_rate: float
-    cosine: bool = False
     optimizer: str = "adam"
-    epsilon: float = 1e-7
-    decay: float = 0.0
-    average: float | None = None
 
     @property
     def name(self) -> str:
@@ -67,9 +58,9 @@ class Schedule:
         joint_learning_rate: learning rate for joined subnetworks.
         validation_examples: number of validation examples that a stage is evaluated on.
         optimizer: `adam`, or `muon`, a key of `optimizer.OPTIMIZERS`.
-        cosine: whether the learning rate of each stage falls to 0 along half a cosine.
+        cosine: whether the learning rate falls to 0 by a stage's last batch, along half a cosine.
         epsilon: Adam's ε.
-        decay: decay of the learning rate, as Keras once had it (see `Stage`).
+        decay: the learning rate is divided by 1 + decay · batches so far, as Keras once had it.
         losses: `printed`: ℓ2 on everything but S and M, which have ℓ1, the binary cross-entropy of
             the bins, the absolute error of a regressed log10 s, and Eq. 5 as printed; or `robust`:
             `losses.mask_structure`, absolute errors of the albedos, the cross-entropy of the
@@ -84,7 +75,8 @@ class Schedule:
             and on damaged ones (`photos.masks`), too.
         steps: batches of every stage; None for those of its kind.
         rate: learning rate of every stage; None for that of its kind.
-        average: momentum of the weights' moving average (see `Stage`).
+        average: momentum of the optimiser's moving average of the weights (Keras' `use_ema`), which
+            takes their place after a stage's last batch; None for the last weights.
     """
 
     batch_size: int
@@ -139,16 +131,7 @@ class Schedule:
             is_encoder, rate = SUBNETWORKS[names[0]].encoder, self.single_learning_rate
             steps = self.encoder_steps if is_encoder else self.single_steps
             optimizer = _OPTIMIZERS.get(names[0], optimizer)
-        return Stage(
-            names,
-            self.steps or steps,
-            self.rate or rate,
-            self.cosine,
-            optimizer,
-            self.epsilon,
-            self.decay,
-            self.average,
-        )
+        return Stage(names, self.steps or steps, self.rate or rate, optimizer)
 
 
 _LIVE = Schedule(

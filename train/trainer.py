@@ -37,7 +37,7 @@ from .photos import answers
 from .photos.making import OnMaking
 from .stage_model import StageModel
 from .stage_training import Progress, StageRun, StageTraining, Tell, evaluate
-from .stages import WARM_UP, Stage
+from .stages import WARM_UP, Schedule, Stage
 from .state import Checkpoint
 from .summary import evaluation_path
 from .terms import TERMS
@@ -264,22 +264,25 @@ def _compile(model: StageModel, stage: Stage, config: Config) -> None:
     groups = [
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
-    rates = _learning_rates(stage)
-    averaged = {} if stage.average is None else {"use_ema": True, "ema_momentum": stage.average}
-    optimizer: Any = OPTIMIZERS[stage.optimizer](rates, groups, epsilon=stage.epsilon, **averaged)
+    schedule = config.schedule
+    options: dict[str, Any] = {"epsilon": schedule.epsilon}
+    if schedule.average is not None:
+        options |= {"use_ema": True, "ema_momentum": schedule.average}
+    rates = _learning_rates(stage, schedule)
+    optimizer: Any = OPTIMIZERS[stage.optimizer](rates, groups, **options)
     if config.precision == "float16":
         optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
     optimizer.build(model.trainable_variables)
 
 
-def _learning_rates(stage: Stage) -> Any:
+def _learning_rates(stage: Stage, schedule: Schedule) -> Any:
     """Return the learning rates of a stage: a number, or a schedule of Keras."""
     rising = round(WARM_UP * stage.steps) if stage.optimizer == "muon" else 0
-    if not stage.cosine:
-        if not stage.decay:
+    if not schedule.cosine:
+        if not schedule.decay:
             return stage.learning_rate
-        return keras.optimizers.schedules.InverseTimeDecay(stage.learning_rate, 1, stage.decay)
+        return keras.optimizers.schedules.InverseTimeDecay(stage.learning_rate, 1, schedule.decay)
     if not rising:
         return keras.optimizers.schedules.CosineDecay(stage.learning_rate, stage.steps)
     return keras.optimizers.schedules.CosineDecay(
@@ -291,9 +294,10 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
     """Return a hash of all that a stage's weights follow from: its settings and earlier stages."""
     schedule = config.schedule
     alone = stage.subnetworks == ("segmentation",)
+    shared = {name: getattr(schedule, name) for name in ("cosine", "epsilon", "decay", "average")}
     follows_from = {
         # Without what it does not have, so that stages begun before there was an average go on.
-        "stage": {k: v for k, v in dataclasses.asdict(stage).items() if v is not None},
+        "stage": {k: v for k, v in (vars(stage) | shared).items() if v is not None},
         "layers": {
             name: [
                 (layer.name, [tuple(weight.shape) for weight in layer.weights])

@@ -236,10 +236,11 @@ def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeyp
 
 @pytest.mark.parametrize("precision", ["float32", "float16"])
 def test_the_learning_rate_falls_along_half_a_cosine(config, precision):
-    stage = Stage(("segmentation",), 4, 0.5, cosine=True)
+    stage, schedule = Stage(("segmentation",), 4, 0.5), dataclasses.replace(BRIEF, cosine=True)
     network = networks.build(TINY, 0)["segmentation"]
     model = stage_model.StageModel({"segmentation": network})
-    trainer._compile(model, stage, dataclasses.replace(config, precision=precision))
+    falling = dataclasses.replace(config, schedule=schedule, precision=precision)
+    trainer._compile(model, stage, falling)
     optimizer = getattr(model.optimizer, "inner_optimizer", model.optimizer)
     rates = []
     for step in range(5):
