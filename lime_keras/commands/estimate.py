@@ -18,10 +18,10 @@ from lime_keras.outputs import NEEDED, OF_A_FRAME
 from lime_keras.version import __version__
 
 if TYPE_CHECKING:
+    from lime_keras.estimate.batch import Clone
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.estimate.results import Results
     from lime_keras.estimate.terminal import Printer
-    from lime_keras.lighting.light_files import Clone
 
 _FAMILIES = ("u2net", "birefnet", "isnet")
 _VIDEO_ENDS = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")

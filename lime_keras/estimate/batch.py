@@ -4,7 +4,7 @@ import contextlib
 import sys
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,13 +16,22 @@ from lime_keras.estimate import files, interchange
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.estimate.results import Results
 from lime_keras.estimate.terminal import Printer
-from lime_keras.io import photo
+from lime_keras.io import normal_map, photo
 from lime_keras.io.scanner import AmbiguousName, mask_beside, of_photo
-from lime_keras.lighting import light_files
+from lime_keras.lighting import guessed_light, illumination
 from lime_keras.material import Material
+from lime_keras.optics import colour
 
 _WAITING = 1 << 20
 """Largest number of pixels (about 100 MB) that wait to be written while the networks go on."""
+
+Clone = Callable[..., np.ndarray]
+"""A renderer of clones: puts another shape of the same material in the object's place.
+
+It takes the photo `(H, W, 3)`, sRGB in [0, 1], the mask `(H, W, 1)` in [0, 1], the material, the
+light `(h, 2 h)`, linear radiance; by name `alpha`, the photo's transparency `(H, W, 1)`, or None.
+It returns the changed photo, `(H, W, 3)` or, with transparency, `(H, W, 4)`.
+"""
 
 
 class _Input(NamedTuple):
@@ -47,10 +56,10 @@ class Batch:
         printer: what prints the results.
         masks: mask of the only photo, or folder with a mask of the same name for each photo; None
             to use `NAME_mask.png` beside a photo, its alpha channel, or else SegmentationNet.
-        normals: file with the normals of the only photo, or folder with a file of the same name for
-            each photo; None to guess them.
+        normals: file with the normals of the only photo (`normal_map.read`), or folder with a file
+            of the same name for each photo; None to guess them (`guessed_light.estimate`).
         clone: renderer of another shape in the object's place. With it or with normals, the light
-            of each photo is written as well (`light_files.write`).
+            of each photo is written as well, as `NAME-environment.exr` and `.png`.
 
     Attributes:
         finished: content of the JSON of each photo that this run has estimated, by name.
@@ -63,7 +72,7 @@ class Batch:
         *,
         masks: Path | None = None,
         normals: Path | None = None,
-        clone: light_files.Clone | None = None,
+        clone: Clone | None = None,
     ):
         self._results, self._printer, self._masks = results, printer, masks
         self._normals, self._clone = normals, clone
@@ -191,18 +200,32 @@ class Batch:
             files.write_formats(folder, stem, material)
             draft.numbers = {"photo": str(one.path)} | material.to_json()
             if (self._normals or self._clone) and material.mask_coverage:
-                normals = self._normals and _file_for(one.path, self._normals)
-                light_files.write(
-                    folder,
-                    stem,
-                    one.photo.image,
-                    material,
-                    normals=normals,
-                    clone=self._clone,
-                    alpha=one.photo.alpha,
-                )
+                self._write_light(folder, stem, one, material)
         self._seconds["writing"] += time.perf_counter() - begun
         return draft.numbers, interchange.remarks(material)
+
+    def _write_light(self, folder: Path, stem: str, one: _Input, material: Material) -> None:
+        """Write the light that an object shows and, with a renderer, `STEM-clone.png`.
+
+        Raises:
+            OSError: if a file cannot be written.
+            ValueError: if a layer or the albedo is missing, the normals cannot be read or have
+                another size than the photo, or the clone cannot be rendered.
+        """
+        image, mask = one.photo.image, material.layers["mask"]
+        if self._normals is None:
+            light = guessed_light.estimate(image, material)
+        else:
+            path = _file_for(one.path, self._normals)
+            normal = normal_map.read(path)
+            photo.check_fits(path, "a normal map", normal.shape, *mask.shape[:2])
+            light = illumination.estimate(illumination.from_material(material, normal))
+        photo.write(folder / f"{stem}-environment.exr", light[..., None])
+        mapped = colour.linear_to_srgb(light / (1 + light))
+        photo.write(folder / f"{stem}-environment.png", mapped[..., None])
+        if self._clone is not None:
+            shown = self._clone(image, mask, material, light, alpha=one.photo.alpha)
+            photo.write(folder / f"{stem}-clone.png", shown)
 
     def _fail(self, path: Path, error: Exception) -> None:
         text = str(error)

@@ -9,7 +9,7 @@ from lime_keras import console, processors
 from lime_keras.commands import estimate
 
 if TYPE_CHECKING:
-    from lime_keras.lighting.light_files import Clone
+    from lime_keras.estimate.batch import Clone
 
 
 def parser() -> argparse.ArgumentParser:

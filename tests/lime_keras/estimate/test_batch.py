@@ -1,4 +1,4 @@
-"""The light of a photo and clones, as files."""
+"""The files of one photo after another: its light, and clones."""
 
 import functools
 import subprocess
@@ -10,8 +10,10 @@ import pytest
 import trimesh
 
 from lime_keras import Estimator
+from lime_keras.estimate.batch import Batch
+from lime_keras.estimate.results import Results
+from lime_keras.estimate.terminal import Printer
 from lime_keras.io import photo
-from lime_keras.lighting import light_files
 from lime_keras.render import cloning
 
 SHAPE = (48, 64)
@@ -19,16 +21,32 @@ SHAPE = (48, 64)
 
 @pytest.fixture(scope="module")
 def picture():
-    """A photo of a disc and the disc's mask."""
+    """A photo of a disc and the disc's mask, of 8 bits."""
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5
     mask = ((rows - 24) ** 2 + (columns - 32) ** 2 < 18**2)[..., None].astype(np.float32)
     shade = np.clip(1.2 - columns / SHAPE[1], 0, 1)[..., None] * np.array([0.7, 0.4, 0.3])
-    return np.where(mask > 0, shade, 0.5).astype(np.float32), mask
+    return np.round(255 * np.where(mask > 0, shade, 0.5)).astype(np.float32) / 255, mask
 
 
 @pytest.fixture(scope="module")
-def material(picture, tiny_model):
-    return Estimator(tiny_model).estimate(*picture)
+def estimator(tiny_model):
+    return Estimator(tiny_model)
+
+
+@pytest.fixture
+def batch_of(estimator, tmp_path):
+    """`batch_of(image, mask, **options)`: a batch that has estimated the photo `a.png`."""
+
+    def run(image, mask, **options):
+        photo.write(tmp_path / "a.png", image)
+        if mask is not None:
+            photo.write(tmp_path / "a_mask.png", mask)
+        results = Results(tmp_path / "out", "weights", {}, overwrite=True)
+        batch = Batch(results, Printer(for_people=False), **options)
+        batch.run(estimator, {"a": tmp_path / "a.png"})
+        return batch
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -46,38 +64,44 @@ def normals_of_a_dome(mask):
     return np.where(mask > 0, (np.stack([x, y, z], axis=-1) + 1) / 2, 0)
 
 
-def test_the_light_is_a_map_in_camera_space(picture, material, tmp_path):
-    image, mask = picture
-    photo.write(tmp_path / "n.png", normals_of_a_dome(mask))
-    for name, normals in (("given", tmp_path / "n.png"), ("guessed", None)):
-        light_files.write(tmp_path, name, image, material, normals=normals, clone=None)
-        found = oiio.ImageBuf(str(tmp_path / f"{name}-environment.exr")).get_pixels(oiio.FLOAT)
-        assert found.reshape(64, 128, -1).shape == (64, 128, 1)
-        assert np.isfinite(found).all() and found.min() >= 0 and found.max() > 0
-        assert (tmp_path / f"{name}-environment.png").is_file()
-        assert not (tmp_path / f"{name}-clone.png").exists()
-
-
 def onto(mesh):
     return functools.partial(cloning.clone, mesh_path=mesh)
 
 
+def keep(image, mask, material, light, *, alpha):
+    """A renderer of clones that leaves the photo as it is."""
+    return image
+
+
+def test_the_light_is_a_map_in_camera_space(picture, batch_of, tmp_path):
+    photo.write(tmp_path / "n.png", normals_of_a_dome(picture[1]))
+    maps = []
+    for options in ({"normals": tmp_path / "n.png"}, {"clone": keep}):
+        batch_of(*picture, **options)
+        found = oiio.ImageBuf(str(tmp_path / "out" / "a-environment.exr")).get_pixels(oiio.FLOAT)
+        assert found.reshape(64, 128, -1).shape == (64, 128, 1)
+        assert np.isfinite(found).all() and found.min() >= 0 and found.max() > 0
+        maps.append(found)
+        assert (tmp_path / "out" / "a-environment.png").is_file()
+        assert (tmp_path / "out" / "a-clone.png").exists() == ("clone" in options)
+    # One light is seen by the normals given, the other by normals guessed.
+    assert not np.array_equal(*maps)
+
+
 def test_a_transparent_photo_stays_transparent_around_its_clone(
-    picture, material, mesh, mitsuba_choice, tmp_path
+    picture, batch_of, mesh, mitsuba_choice, tmp_path
 ):
     image, mask = picture
-    light_files.write(
-        tmp_path, "a", image * mask, material, normals=None, clone=onto(mesh), alpha=mask
-    )
-    _, alpha = photo.read(tmp_path / "a-clone.png")
+    batch_of(np.concatenate([image * mask, mask], axis=-1), None, clone=onto(mesh))
+    _, alpha = photo.read(tmp_path / "out" / "a-clone.png")
     assert alpha is not None
     assert not alpha[:3].any() and alpha[mask > 0].mean() > 0.5
 
 
-def test_a_clone_takes_the_objects_place(picture, material, mesh, mitsuba_choice, tmp_path):
+def test_a_clone_takes_the_objects_place(picture, batch_of, mesh, mitsuba_choice, tmp_path):
     image, mask = picture
-    light_files.write(tmp_path, "a", image, material, normals=None, clone=onto(mesh))
-    found = photo.read_srgb(tmp_path / "a-clone.png")
+    batch_of(image, mask, clone=onto(mesh))
+    found = photo.read_srgb(tmp_path / "out" / "a-clone.png")
     assert found.shape == image.shape
     far = np.zeros(SHAPE, bool)
     far[:3], far[-3:], far[:, :8], far[:, -8:] = True, True, True, True
@@ -85,19 +109,11 @@ def test_a_clone_takes_the_objects_place(picture, material, mesh, mitsuba_choice
     assert np.abs(found - image)[mask[..., 0] > 0].mean() > 0.01
 
 
-def test_normals_of_another_size_are_named(picture, material, tmp_path):
+def test_normals_of_another_size_are_named(picture, batch_of, tmp_path, capsys):
     photo.write(tmp_path / "n.png", np.tile(np.array([0.5, 0.5, 1.0]), (20, 20, 1)))
-    with pytest.raises(ValueError, match=r"n\.png has 20×20 pixels and its photo 64×48"):
-        light_files.write(
-            tmp_path, "a", picture[0], material, normals=tmp_path / "n.png", clone=None
-        )
-
-
-def test_no_object_shows_no_light(picture, tiny_model, tmp_path):
-    image, mask = picture
-    nothing = Estimator(tiny_model).estimate(image, 0 * mask)
-    with pytest.raises(ValueError, match="no object was found"):
-        light_files.write(tmp_path, "a", image, nothing, normals=None, clone=None)
+    batch = batch_of(*picture, normals=tmp_path / "n.png")
+    assert "n.png has 20×20 pixels and its photo 64×48" in capsys.readouterr().err
+    assert not batch.finished and not (tmp_path / "out" / "a.json").exists()
 
 
 @pytest.mark.slow
