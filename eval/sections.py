@@ -19,9 +19,8 @@ from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
 from . import kept
-from .accuracy import comparison, evaluate, measures, predictions, table
-from .report import evaluation as report
-from .report import examples, figures, page
+from .accuracy import comparison, evaluate, labels, measures, predictions, slices, table
+from .report import examples, figures, page, renders
 
 if TYPE_CHECKING:
     from .stability.verdicts import Case
@@ -42,12 +41,24 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
     summary = measures.summarise(evaluated) | {"camera": camera, "lobe": lobe}
     choices, worst = examples.choose(evaluated.rows), examples.worst(evaluated.rows)
     shown = examples.read(run, corpus, choices + worst, camera=camera)
-    chosen, failed = shown[: len(choices)], shown[len(choices) :]
+    chosen = shown[: len(choices)]
+    cards = [renders.card(example, evaluated.rows["relit"]) for example in shown]
     pictures = {"confusion": figures.confusions({"Exponent": evaluate.confusion(evaluated.rows)})}
     if "bin_probabilities" in evaluated.rows:
         pictures["reliability"] = figures.reliability(evaluated.rows)
-    section = report.evaluation(
-        evaluated, summary, pictures, chosen, failed, command=command, corpus=corpus, run=run
+    section = page.rendered(
+        "evaluation.html",
+        command=command,
+        corpus=corpus.name or str(corpus),
+        run=run.name or str(run),
+        summary=summary,
+        exponent=labels.exponent(evaluated.architecture),
+        header=table.HEADER,
+        rows=table.rows(summary),
+        pictures=pictures,
+        slices=slices.rows(evaluated.rows),
+        examples=cards[: len(choices)],
+        worst=cards[len(choices) :],
     )
     text = table.markdown(summary, evaluated.architecture)
     _write_json(out / "metrics.json", summary)

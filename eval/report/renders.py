@@ -1,11 +1,16 @@
-"""The pictures of one example in a report: its layers and its renderings, as sRGB images."""
+"""One example in a report: its numbers, its layers and its renderings, as sRGB images."""
+
+from typing import Any
 
 import numpy as np
 
-from lime_keras.optics import colour, shading
+from lime_keras.material import srgb_hex
+from lime_keras.optics import colour, shading, shininess
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 
+from ..accuracy.labels import bin_label
+from ..accuracy.measures import DECIBEL
 from ..accuracy.tone import coloured, tonemap, white_point
 from .examples import Example
 
@@ -13,6 +18,29 @@ _LAYERS = {"specular_shading": "Specular shading S", "mirror": "Mirror image M"}
 
 Pair = tuple[str, np.ndarray, np.ndarray]
 """A title, a true picture and its estimate, `(H, W, 3)` each, sRGB in [0, 1]."""
+
+
+def card(example: Example, relit: np.ndarray) -> dict[str, Any]:
+    """Return the template's values for one example, given the PSNR `(N,)` of all of them."""
+    truth, estimate = example.truth, example.estimate
+    probabilities = estimate.get("exponent_bin_probabilities", ())
+    true_bin = int(shininess.bin_of(truth["shininess"]))
+    albedos = truth["diffuse_albedo"], estimate["diffuse_albedo"]
+    return {
+        "reason": example.choice.reason,
+        "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
+        f"seed {truth['seed']}, index {truth['index']}",
+        "psnr": DECIBEL.number(relit[example.choice.position]),
+        "photo": truth["image"],
+        "pairs": pairs(example),
+        "diffuse": [(srgb_hex(m_d), " ".join(f"{value:.2f}" for value in m_d)) for m_d in albedos],
+        "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
+        "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
+        "bars": [
+            (round(100 * float(p), 1), bin_label(k), k == true_bin)
+            for k, p in enumerate(probabilities)
+        ],
+    }
 
 
 def pairs(example: Example) -> list[Pair]:
