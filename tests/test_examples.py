@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lime_keras.export import corpus_images, exporter
+from lime_keras.export import exporter
 from lime_keras.model import weights
 from lime_keras.networks import assemble
 from lime_keras.optics import shininess
@@ -29,7 +29,7 @@ OF_THIS_PACKAGE = {EXAMPLES / "render_one.py", EXAMPLES / "first_material.ipynb"
 @pytest.fixture(scope="module")
 def photo(corpus, tmp_path_factory):
     """A picture of the network's size, which nobody has to resample: `(1, 32, 32, 3)`, its file."""
-    levels = np.round(255 * corpus_images.pictures(corpus, "test", 32)[:1]).astype(np.uint8)
+    levels = np.round(255 * exporter.corpus_pictures(corpus, "test", 32)[:1]).astype(np.uint8)
     path = tmp_path_factory.mktemp("photo") / "photo.png"
     Image.fromarray(levels[0]).save(path)
     return levels.astype(np.float32) / 255, path

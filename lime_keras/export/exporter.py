@@ -6,15 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras.export import (
-    corpus_images,
-    formats,
-    graphs,
-    model_card,
-    parity,
-    quantisation,
-    reference,
-)
+from lime_keras.data import pipeline
+from lime_keras.data.corpus import Split
+from lime_keras.export import formats, graphs, model_card, parity, quantisation, reference
 from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
@@ -36,6 +30,7 @@ PRECISIONS = {
 }
 """Precisions of each format, its default first. Float16 weights are computed with in float32."""
 
+_PICTURES = 64  # largest number of pictures of a corpus that are compared, or calibrate
 _VERSION = "1"  # TensorFlow Serving expects a subfolder with a version number
 
 
@@ -88,10 +83,10 @@ def export(
     card = model_card.card(architecture, network, precision)
     images = {"extremes": parity.images(architecture.size)}
     if corpus is not None:
-        images["pictures"] = corpus_images.pictures(corpus, "test", architecture.size)
+        images["pictures"] = corpus_pictures(corpus, "test", architecture.size)
     calibration = np.empty((0, 0, 0, 3), np.float32)
     if precision == "int8" and corpus is not None:
-        calibration = corpus_images.pictures(corpus, "train", architecture.size)
+        calibration = corpus_pictures(corpus, "train", architecture.size)
 
     # Write.
     plain = None
@@ -172,6 +167,39 @@ def target(
     if model_format == GRAPHS:
         return folder / f"onnx{bits}"
     return folder / f"lime{part}{bits}.onnx"
+
+
+def corpus_pictures(corpus: Path, split_name: str, size: int) -> np.ndarray:
+    """Return the first images of a split, which the camera model photographs the same each time.
+
+    Those for calibration come from shards that networks are trained on: the test split is only for
+    reported results.
+
+    Args:
+        corpus: folder with the complete split.
+        split_name: `train` to calibrate a quantised model, `test` to compare.
+        size: height and width of the images; a divisor of the stored size.
+
+    Returns:
+        Images `(N, size, size, 3)` float32, sRGB in [0, 1]; N is at most 64.
+
+    Raises:
+        FileNotFoundError: if the split is incomplete.
+        ValueError: if the images are of another size, there are fewer than two shards to train on,
+            or a shard is empty or damaged.
+    """
+    split = Split(corpus, split_name)
+    split.check_size(size)
+    is_train = split_name == "train"
+    shards = pipeline.training_shards(corpus)[0] if is_train else pipeline.verified_shards(split)
+    dataset = pipeline.evaluation(
+        shards, size=size, batch_size=_PICTURES, camera=True, features=("image",)
+    )
+    batches = pipeline.naming_damage(dataset.take(1).as_numpy_iterator(), shards)
+    batch = next(batches, None)
+    if batch is None:
+        raise ValueError(f"{shards[0]} and what follows hold no examples: render them again")
+    return batch["image"]
 
 
 def _check(

@@ -151,7 +151,7 @@ def test_eight_bits_are_calibrated_on_what_was_trained_on(
     monkeypatch.setattr(quantisation.quantization, "quantize_static", unchanged)
     exporter.export(tmp_path, "onnx", tiny_model, ["mask"], precision="int8", corpus=corpus)
     [images] = seen
-    np.testing.assert_array_equal(images, exporter.corpus_images.pictures(corpus, "train", 32))
+    np.testing.assert_array_equal(images, exporter.corpus_pictures(corpus, "train", 32))
     # The second shard is held out.
     assert images.shape == (4, 32, 32, 3)
 
