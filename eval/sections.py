@@ -19,7 +19,7 @@ from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
 from . import kept
-from .accuracy import comparison, evaluate, labels, measures, predictions, slices, table
+from .accuracy import comparison, evaluate, measures, predictions, slices, table
 from .report import examples, figures, page, renders
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
         corpus=corpus.name or str(corpus),
         run=run.name or str(run),
         summary=summary,
-        exponent=labels.exponent(evaluated.architecture),
+        exponent=table.exponent_in_words(evaluated.architecture),
         header=table.HEADER,
         rows=table.rows(summary),
         pictures=pictures,

@@ -15,9 +15,10 @@ from lime_keras.model import folder as model_folder
 from lime_keras.networks import PRESETS, Architecture
 
 from ..markdown_table import ABSENT, aligned
-from . import claims, measures, units
+from . import claims, measures
 from .claims import FULL
 from .measures import MEASURES
+from .table import UNITS
 
 COLUMNS = (
     "exponent_exact",
@@ -191,7 +192,7 @@ def markdown(compared: Mapping[str, Any]) -> str:
     Rows of the paper that no run was trained by stand at the end. A value is marked where the
     interval of its difference from the reference excludes 0: `+` is better, `−` is worse.
     """
-    runs, unit = compared["runs"], units.UNITS[compared["lobe"]]
+    runs, unit = compared["runs"], UNITS[compared["lobe"]]
     shown = [name for name in COLUMNS if any(name in run["value"] for run in runs.values())]
     lines = [("Run", *(MEASURES[name].short for name in shown))]
     left = dict(PAPER)

@@ -17,6 +17,7 @@ from tqdm import tqdm
 from lime_keras import console, metrics, processors
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
+from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import Architecture
 from lime_keras.optics import environment, microfacets, shininess
@@ -24,7 +25,7 @@ from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.runtime.engine import Engine
 from lime_keras.runtime.keras_engine import KerasEngine
 
-from . import flip_error, relighting, units
+from . import flip_error, relighting
 from .predictions import Answers, Predictions
 
 _AT_ONCE = 16  # number of examples computed at once
@@ -90,7 +91,7 @@ def evaluate(
     architecture = weights.read_architecture(model_dir)
     engine = engine or KerasEngine(model_dir)
     split = Split(corpus, "test")
-    units.check_lobe(model_dir, split)
+    check_lobe(model_dir, split)
     split.check_size(architecture.size)
 
     # Rows, batch by batch, and the same without SegmentationNet.
@@ -110,6 +111,17 @@ def evaluate(
         rows.append(measured | relit | average)
         true_mask.append(with_mask | relit_with_mask)
     return Evaluation(_joined(rows), _joined(true_mask), architecture)
+
+
+def check_lobe(run: Path, split: Split) -> None:
+    """Raise ValueError if a model's m_s and S have another unit than those of a split."""
+    learnt = model_folder.lobe(run)
+    if learnt != split.lobe:
+        raise ValueError(
+            f"{run} learnt from a corpus of --lobe {learnt}, and {split.folder} has --lobe "
+            f"{split.lobe}: their m_s and S have different units; render a test split with --lobe "
+            f"{learnt}"
+        )
 
 
 def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np.ndarray]:

@@ -7,7 +7,6 @@ import numpy as np
 from lime_keras.optics import shininess
 
 from . import measures
-from .labels import bin_label
 
 SHOWN = (
     "mask_iou",
@@ -54,7 +53,7 @@ def rows(columns: Mapping[str, np.ndarray]) -> list[tuple[str, ...]]:
 def _parts(columns: Mapping[str, np.ndarray]) -> Iterator[tuple[str, str, np.ndarray]]:
     """Yield `by`, `label` and the positions of the images of each part; some may be empty."""
     for k in range(shininess.BIN_COUNT):
-        yield "exponent", bin_label(k), np.flatnonzero(columns["bin"] == k)
+        yield "exponent", shininess.bin_label(k), np.flatnonzero(columns["bin"] == k)
     for title, name, style in _QUARTERS:
         yield from _quarters(title, columns[name], style)
     for name in ("shape", "light"):

@@ -6,12 +6,16 @@ from typing import Any
 from lime_keras.networks import Architecture
 
 from ..markdown_table import aligned
-from .labels import exponent
 from .measures import MEASURES, Measure
-from .units import UNITS
 
 HEADER = ("Measure", "Ours (± 95 % interval)", "With the true mask", "Paper", "Chance", "Floor")
 """Titles of the columns."""
+UNITS = {
+    "furnace": "m_s and S are normalised to the white furnace; the paper's m_s has another unit, "
+    "that of its Eq. 3 without a normaliser",
+    "printed": "m_s and S are in the paper's unit: the lobe of its Eq. 3 as printed",
+}
+"""The unit of m_s and S in words, by the lobe of a corpus."""
 
 
 def rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
@@ -28,6 +32,13 @@ def markdown(summary: Mapping[str, Any], architecture: Architecture) -> str:
     return f"{aligned(lines)}\n\n{_note(summary, architecture)}\n"
 
 
+def exponent_in_words(architecture: Architecture) -> str:
+    """Return how log10 s and its bin are computed from the system's outputs, in words."""
+    if architecture.exponent == "regression":
+        return "the system answers log10 s itself; its bin is the one that s falls into"
+    return "log10 s is the expected value over the eight classes, or that of the winning bin"
+
+
 def _cells(name: str, measure: Measure, summary: Mapping[str, Any]) -> tuple[str, ...]:
     ours = measure.unit.with_interval(summary[name], summary["interval"][name])
     arrow = {True: " ↑", False: " ↓", None: ""}[measure.more_is_better]
@@ -39,7 +50,7 @@ def _cells(name: str, measure: Measure, summary: Mapping[str, Any]) -> tuple[str
 def _note(summary: Mapping[str, Any], architecture: Architecture) -> str:
     return (
         f"{summary['count']} test images, answered by {architecture.description}. Exponent: "
-        f"{exponent(architecture)}. Chance: the best answer that is the same for every image. "
-        "Floor: what perfect classification into bins still errs by. "
+        f"{exponent_in_words(architecture)}. Chance: the best answer that is the same for every "
+        "image. Floor: what perfect classification into bins still errs by. "
         f"{UNITS[summary['lobe']]}."
     )

@@ -13,8 +13,6 @@ from lime_keras.data.corpus import Split
 from lime_keras.optics import shininess
 from lime_keras.runtime.keras_engine import KerasEngine
 
-from ..accuracy.labels import bin_label
-
 _WORST = 2  # number of examples shown of each kind of failure
 
 
@@ -57,7 +55,7 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Selection]:
     rows are those of `Evaluation`.
     """
     spread = [
-        Selection(int(np.argmax(rows["bin"] == k)), f"first with {bin_label(k)}")
+        Selection(int(np.argmax(rows["bin"] == k)), f"first with {shininess.bin_label(k)}")
         for k in range(shininess.BIN_COUNT)
         if np.any(rows["bin"] == k)
     ]

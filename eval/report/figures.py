@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from lime_keras.optics import shininess
 
 from ..accuracy import calibration
-from ..accuracy.labels import bin_label
 
 DPI = 150  # resolution of the figures in pixels per inch
 WHITE, INK, FAINT, ACCENT = "#ffffff", "#1d2430", "#d5dae1", "#1f63b0"
@@ -93,7 +92,7 @@ def _confusion(axes: Axes, matrix: np.ndarray) -> None:
     dress(axes)
     tones = LinearSegmentedColormap.from_list("shares", [WHITE, ACCENT])
     axes.imshow(shares, cmap=tones, vmin=0, vmax=1)
-    labels = [bin_label(k).removeprefix("s ") for k in range(shininess.BIN_COUNT)]
+    labels = [shininess.bin_label(k).removeprefix("s ") for k in range(shininess.BIN_COUNT)]
     axes.set_xticks(range(len(labels)), labels, rotation=40, ha="right")
     axes.set_yticks(
         range(len(labels)),

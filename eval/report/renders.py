@@ -9,7 +9,6 @@ from lime_keras.optics import colour, shading, shininess
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 
-from ..accuracy.labels import bin_label
 from ..accuracy.measures import DECIBEL
 from ..accuracy.tone import coloured, tonemap, white_point
 from .examples import Example
@@ -37,7 +36,7 @@ def card(example: Example, relit: np.ndarray) -> dict[str, Any]:
         "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
         "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
         "bars": [
-            (round(100 * float(p), 1), bin_label(k), k == true_bin)
+            (round(100 * float(p), 1), shininess.bin_label(k), k == true_bin)
             for k, p in enumerate(probabilities)
         ],
     }

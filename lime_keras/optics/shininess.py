@@ -48,6 +48,12 @@ def bin_of_log(log: Any) -> Any:
     return xp.clip(xp.floor((log - LOG_LOW) / BIN_WIDTH + 1e-6), 0, BIN_COUNT - 1)
 
 
+def bin_label(k: int) -> str:
+    """Return the range of exponents of class `k` as text, such as "s 13.3–31.6"."""
+    low, high = np.round(10.0 ** LOG_EDGES[k : k + 2], 1)
+    return f"s {low:g}–{high:g}"
+
+
 def log_expected(probabilities: Any) -> Any:
     """Return the expected log10 s `(...)`, 0.19…2.81, of probabilities `(..., 8)` that sum to 1.
 

@@ -1,9 +1,12 @@
-"""One batch's columns against hand arithmetic and identities."""
+"""One batch's columns against hand arithmetic and identities; which models are measured."""
+
+import json
 
 import numpy as np
 import pytest
 
-from lime_keras.eval.accuracy.evaluate import measure
+from lime_keras.data.corpus import Split
+from lime_keras.eval.accuracy.evaluate import check_lobe, measure
 from lime_keras.optics import environment, shininess
 
 
@@ -147,3 +150,21 @@ def test_extreme_layers_keep_every_column_finite():
     for name, column in measure(batch, answer).items():
         if column.dtype.kind in "fi":
             assert np.all(np.isfinite(column)), name
+
+
+def _write(path, content):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content), encoding="utf-8")
+
+
+@pytest.mark.parametrize("learnt", [None, "furnace", "printed"])
+@pytest.mark.parametrize("shown", ["furnace", "printed"])
+def test_a_model_is_measured_in_its_own_unit_alone(tmp_path, learnt, shown):
+    _write(tmp_path / "run" / "config.json", {"config": {} if learnt is None else {"lobe": learnt}})
+    _write(tmp_path / "corpus" / "test" / "manifest.json", {"description": {"shading": shown}})
+    split = Split(tmp_path / "corpus", "test")
+    if (learnt or "furnace") == shown:
+        check_lobe(tmp_path / "run", split)
+    else:
+        with pytest.raises(ValueError, match=f"test split with --lobe {learnt or 'furnace'}"):
+            check_lobe(tmp_path / "run", split)

@@ -34,6 +34,12 @@ def test_shares_are_per_cent_and_errors_are_not(summary):
     assert rows["log_exponent_mae_winning"][-1] == "0.0938"
 
 
+def test_an_exponent_is_told_by_how_it_is_answered(tiny):
+    regressed = dataclasses.replace(tiny, exponent="regression")
+    assert "eight classes" in table.exponent_in_words(tiny)
+    assert "answers log10 s itself" in table.exponent_in_words(regressed)
+
+
 def test_the_unit_of_m_s_stands_below(summary):
     assert "the paper's m_s has another unit" in table.markdown(summary, LIME)
     assert "in the paper's unit" in table.markdown(summary | {"lobe": "printed"}, LIME)

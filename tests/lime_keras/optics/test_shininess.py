@@ -16,6 +16,10 @@ def test_eight_equal_bins_from_one_to_a_thousand():
     np.testing.assert_allclose(shininess.LOG_MEANS, 0.375 * np.arange(8) + 0.1875)
 
 
+def test_bins_are_told_by_their_exponents():
+    assert shininess.bin_label(0) == "s 1–2.4" and shininess.bin_label(7) == "s 421.7–1000"
+
+
 def test_means_lie_in_their_bins():
     np.testing.assert_array_equal(shininess.bin_of(10.0**shininess.LOG_MEANS), np.arange(8))
 
