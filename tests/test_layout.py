@@ -64,10 +64,9 @@ ROWS = {
         ("cli",),
     ),
     "eval/stability": (
-        ("verdicts", "photos", "double_precision"),
+        ("verdicts", "double_precision"),
         ("precisions",),
         ("systems",),
-        ("networks",),
         ("suite",),
     ),
 }

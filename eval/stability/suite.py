@@ -7,9 +7,11 @@ Example:
 """
 
 import dataclasses
+import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import keras
 from tqdm import tqdm
@@ -18,9 +20,9 @@ from lime_keras import console
 from lime_keras.model import weights
 
 from ..markdown_table import ABSENT, aligned
-from . import networks
-from .systems import TrialSystem
-from .verdicts import Case, Verdict
+from .precisions import EXPORTED, TENSORS, Precision
+from .systems import BATCH, TrialSystem, extreme_photos
+from .verdicts import Case, Compared, Outcome, Verdict, joined
 
 HEADER = (
     "Case",
@@ -34,6 +36,8 @@ HEADER = (
     "Note",
 )
 _SUMMARY = ("Part", "Checks", "Passed", "Failed")
+_SQUARABLE = 1e15
+"""Largest derivative accepted, so that the optimiser can square it in single precision."""
 
 
 def cases(model_dir: Path) -> list[Case]:
@@ -49,7 +53,31 @@ def cases(model_dir: Path) -> list[Case]:
     """
     # A missing model would make every case fail for the same reason.
     weights.load(model_dir)
-    return networks.cases("trained system", TrialSystem(model_dir))
+    return cases_of("trained system", TrialSystem(model_dir))
+
+
+def cases_of(
+    part: str, system: TrialSystem, precisions: Sequence[Precision] = (*TENSORS, *EXPORTED)
+) -> list[Case]:
+    """Return the cases of a system: images, batches and derivatives in each precision.
+
+    Outputs are compared with `double_precision`. Its random rounding errors of each precision
+    determine the tolerance. The system's name in the tables is `part`.
+    """
+    out = []
+
+    def add(name: str, precision: Precision, measure: Callable[..., Outcome], *more: Any) -> None:
+        measure = functools.partial(measure, system, *more)
+        out.append(Case(part, name, precision.name, measure))
+
+    for precision in precisions:
+        for image in extreme_photos(2):
+            add(image, precision, _alone, precision, image)
+        in_a_batch = f"all images, in a batch of {BATCH} that ends in NaN"
+        add(in_a_batch, precision, _in_a_batch, precision)
+        if not precision.compiled:
+            add("derivatives by the weights, all images", precision, _derivatives, precision)
+    return out
 
 
 def run(cases: Sequence[Case]) -> list[Verdict]:
@@ -98,6 +126,32 @@ def to_json(verdicts: Iterable[Verdict]) -> list[dict[str, object]]:
         }
         for verdict in verdicts
     ]
+
+
+def _alone(system: TrialSystem, precision: Precision, image: str) -> Outcome:
+    """Try an image in a batch of one."""
+    found = system.answers(precision, system.images[image][None])
+    return Outcome(system.compared(image, found, precision.epsilon))
+
+
+def _derivatives(system: TrialSystem, precision: Precision) -> Outcome:
+    """Try the derivatives by the weights: the optimiser must be able to square them."""
+    steepest = system.steepest(precision)
+    return Outcome(gradient=Compared(steepest, 0.0, _SQUARABLE, 0.0))
+
+
+def _in_a_batch(system: TrialSystem, precision: Precision) -> Outcome:
+    """Try all images in one batch: position and other images must not change an output."""
+    names, batch = system.batch
+    found = system.answers(precision, batch)
+    return Outcome(
+        joined(
+            system.compared(
+                image, {name: x[k : k + 1] for name, x in found.items()}, precision.epsilon
+            )
+            for k, image in enumerate(names)
+        )
+    )
 
 
 def _state(verdict: Verdict) -> str:

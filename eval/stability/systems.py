@@ -1,4 +1,4 @@
-"""The system under test."""
+"""The system under test, and the photos that it is tested with."""
 
 import functools
 import tempfile
@@ -18,7 +18,6 @@ from lime_keras.runtime.engine import Answering
 from lime_keras.runtime.saved_model import SavedModel
 
 from . import double_precision
-from .photos import extreme_photos
 from .precisions import ROUNDINGS, Precision
 from .verdicts import Compared, joined
 
@@ -26,6 +25,27 @@ BATCH = 64
 _DRAWS = 4
 _MARGIN = 4.0  # factor by which an error may exceed the largest of `_DRAWS` random rounding errors
 Answers = dict[str, np.ndarray]
+
+
+def extreme_photos(side: int) -> dict[str, np.ndarray]:
+    """Return extreme photos `(side, side, 3)`, sRGB in [0, 1], by name.
+
+    They are black, white, constant, with one odd pixel, chequered, and a 16-bit ramp.
+    """
+    lit = np.zeros((side, side, 3))
+    lit[side // 2, side // 3] = 1.0
+    dark = 1 - lit
+    board = np.indices((side, side)).sum(0) % 2 * np.ones((3, 1, 1))
+    ramp = np.arange(side * side * 3).reshape(side, side, 3) % 65536 / 65535
+    return {
+        "black": np.zeros_like(lit),
+        "white": np.ones_like(lit),
+        "constant": np.full_like(lit, 0.5),
+        "one pixel lit": lit,
+        "one pixel dark": dark,
+        "chequered": np.moveaxis(board, 0, -1),
+        "in steps of 16 bits": ramp,
+    }
 
 
 class TrialSystem:

@@ -10,7 +10,7 @@ import keras
 import numpy as np
 
 from lime_keras.estimate.estimator import Estimator
-from lime_keras.eval.stability import networks
+from lime_keras.eval.stability import suite
 from lime_keras.eval.stability.precisions import BRAIN, EXPORTED, HALF, SINGLE, XLA
 from lime_keras.eval.stability.systems import TrialSystem
 from lime_keras.eval.stability.verdicts import Case, Outcome
@@ -62,7 +62,7 @@ def cases() -> list[Case]:
     for part, system in systems.items():
         # The baseline has the same kinds of layers, so compiling and exporting one is enough.
         more = (XLA, *EXPORTED) if part == "fresh LIME" else ()
-        out += networks.cases(part, system, (SINGLE, HALF, BRAIN, *more))
+        out += suite.cases_of(part, system, (SINGLE, HALF, BRAIN, *more))
         for name, spoil in _UNSOUND.items():
             measure = functools.partial(_refused, system, spoil)
             out.append(Case(part, f"{name}, refused", SINGLE.name, measure))

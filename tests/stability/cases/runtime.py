@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras.estimate.estimator import Estimator
-from lime_keras.eval.stability.photos import extreme_photos
-from lime_keras.eval.stability.systems import BATCH, Answers, TrialSystem
+from lime_keras.eval.stability.systems import BATCH, Answers, TrialSystem, extreme_photos
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, joined
 from lime_keras.export import exporter
 from lime_keras.runtime import engine as runtime
