@@ -62,7 +62,8 @@ class Data:
     ):
         self._paths, self._config, self._folder = tuple(paths), config, folder / "photos"
         self._devices, self._on_making = devices or Devices(1), on_making
-        _check_sizes(paths, config.architecture.size)
+        for path in paths:
+            Split(path, "train").check_size(config.architecture.size)
         if config.cutouts is not None and photographs is None:
             raise FileNotFoundError("this run learns from cut-outs: pass its --cutouts again")
         self._photographs = photographs
@@ -246,15 +247,3 @@ def _read(photos: Kept, replies: Kept | None, rows: np.ndarray, features: Collec
     names = {name for name in features if name == INPUT_MASK or name.startswith(PREDICTED)}
     batch = photos.read(rows, [name for name in features if name not in names])
     return batch | (replies.read(rows, names) if replies is not None else {})
-
-
-def _check_sizes(paths: Sequence[Path], size: int) -> None:
-    """Raise ValueError if images cannot be averaged down to the networks' size."""
-    for path in paths:
-        stored = Split(path, "train").size or size
-        if stored % size:
-            raise ValueError(
-                f"{path} holds images of {stored} pixels, which cannot be averaged to the {size} "
-                f"that the networks take: pass --size with a divisor of {stored}, or render with "
-                f"--size {size} or a multiple of it"
-            )

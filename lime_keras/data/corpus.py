@@ -145,8 +145,9 @@ class Split:
         """Raise ValueError if the images cannot be reduced to the size that networks see."""
         if self.size % size:
             raise ValueError(
-                f"{self.corpus} has images of {self.size} pixels, and these weights see {size}: "
-                f"pass a corpus of `lime-render --size {size}`, or of a multiple of it"
+                f"{self.corpus} has images of {self.size} pixels, and the networks see {size}: "
+                f"pass a corpus of `lime-render --size {size}`, or of a multiple of it, or train "
+                f"with a --size that divides {self.size}"
             )
 
     @property

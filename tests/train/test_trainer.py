@@ -788,7 +788,7 @@ def test_the_commands_sizes(corpus, tmp_path, brief_smoke, nudged, capsys):
 
 
 @pytest.mark.parametrize(
-    "size, found", [("80", "take a multiple of 32"), ("96", "pass --size with a divisor of 64")]
+    "size, found", [("80", "take a multiple of 32"), ("96", "train with a --size that divides 64")]
 )
 def test_a_size_that_cannot_be_is_refused(size, found, corpus, tmp_path, capsys):
     run = [str(corpus), "--out", str(tmp_path / "run"), "--preset", "smoke"]
