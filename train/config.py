@@ -5,7 +5,6 @@ import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import keras
 
@@ -121,43 +120,37 @@ def lobe_of(paths: Sequence[Path]) -> str:
     return lobes[0]
 
 
-def check(run: Path, config: Config) -> None:
-    """Raise ValueError if a folder holds a run of another config, and name the differences."""
-    path = config_path(run)
-    if not path.is_file():
-        return
-    with untrusted.naming(path, "the record of a run", f"pass another --out, or remove {run}"):
-        recorded = {**untrusted.read_json(path)["config"]}
-    differing = [
-        f"{name} {there} there, {asked} asked"
-        for name, there, asked in differences(recorded, _plain(config))
-    ]
-    if differing:
-        raise ValueError(
-            f"{run} holds another run: {'; '.join(differing)}. Pass another --out, the same "
-            "options and corpus, or remove it"
-        )
+def claim(run: Path, paths: Sequence[Path], config: Config, *, leads: bool = True) -> None:
+    """Record a run in `RUN/config.json`, or check that the run recorded there has this config.
 
+    Of several processes with the same config one leads, and records; the others check alone.
 
-def claim(run: Path, paths: Sequence[Path], config: Config) -> None:
-    """Record a run in `RUN/config.json`, unless one is recorded there, which `check` has seen."""
-    path = config_path(run)
+    Raises:
+        ValueError: if the folder holds a run of another config; the message names the differences.
+    """
+    path, plain = config_path(run), json.loads(json.dumps(dataclasses.asdict(config)))
     if path.is_file():
-        return
-    record = {
-        "config": _plain(config),
-        "corpora": [
-            {"path": str(path), "description": Split(path, "train").manifest.get("description")}
-            for path in paths
-        ],
-        "version": __version__,
-        "backend": keras.backend.backend(),
-        "packages": installed(_PACKAGES),
-        "commit": commit(),
-    }
-    atomic.write(path, json.dumps(record, indent=1) + "\n")
-
-
-def _plain(config: Config) -> dict[str, Any]:
-    """Return a config in the form that JSON gives back."""
-    return json.loads(json.dumps(dataclasses.asdict(config)))
+        with untrusted.naming(path, "the record of a run", f"pass another --out, or remove {run}"):
+            recorded = {**untrusted.read_json(path)["config"]}
+        differing = [
+            f"{name} {there} there, {asked} asked"
+            for name, there, asked in differences(recorded, plain)
+        ]
+        if differing:
+            raise ValueError(
+                f"{run} holds another run: {'; '.join(differing)}. Pass another --out, the same "
+                "options and corpus, or remove it"
+            )
+    elif leads:
+        record = {
+            "config": plain,
+            "corpora": [
+                {"path": str(path), "description": Split(path, "train").manifest.get("description")}
+                for path in paths
+            ],
+            "version": __version__,
+            "backend": keras.backend.backend(),
+            "packages": installed(_PACKAGES),
+            "commit": commit(),
+        }
+        atomic.write(path, json.dumps(record, indent=1) + "\n")

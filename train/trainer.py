@@ -29,7 +29,7 @@ from lime_keras.networks import build
 from lime_keras.networks.precision import computing_in
 
 from . import backbone, hosts, initial_weights
-from .config import Config, check, claim, config_path
+from .config import Config, claim, config_path
 from .data import Data
 from .devices import Devices
 from .optimizer import OPTIMIZERS, LossScale
@@ -95,10 +95,8 @@ def train(
     with lock if split.leads else contextlib.nullcontext():
         # Open: what is there agrees with the config, and among the processes.
         data = Data(paths, config, run, split, on_making, cutouts)
-        check(run, config)
         hosts.assert_same({"options or data": dataclasses.asdict(config), "--devices": devices})
-        if split.leads:
-            claim(run, paths, config)
+        claim(run, paths, config, leads=split.leads)
         opened = _Run(run, config, data, split, tell, only, reuse, start_from)
         opened.learn()
         opened.evaluate()

@@ -174,7 +174,7 @@ def _run_file(folder: Path) -> None:
     folder = folder / "run"
     path = _file(folder)
     if path.name == "config.json":
-        config.check(folder, config.Config.read(folder))
+        config.claim(folder, [], config.Config.read(folder))
     elif path.name == "evaluation.json":
         summary.evaluation(folder)
     elif path.name == "inputs.json":

@@ -30,7 +30,7 @@ from lime_keras.train import (
     terms,
     trainer,
 )
-from lime_keras.train.config import Config, check, claim, config_path, corpus_sha256
+from lime_keras.train.config import Config, claim, config_path, corpus_sha256
 from lime_keras.train.data import Data
 from lime_keras.train.devices import Devices
 from lime_keras.train.photos import making
@@ -648,12 +648,12 @@ def test_the_record_of_another_version_is_refused_by_name(tmp_path, brief_smoke,
     del record["config"]["rate_scale"]
     config_path(tmp_path).write_text(json.dumps(record))
     with pytest.raises(ValueError, match=r"another run: rate_scale None there, 1\.0 asked"):
-        check(tmp_path, config)
+        claim(tmp_path, [corpus], config)
     record["config"]["schedule"] |= {"papers": True}
     record["config"]["minutes"] = 22.0
     config_path(tmp_path).write_text(json.dumps(record))
     with pytest.raises(ValueError, match=r"minutes 22\.0 there, None asked.*papers True there"):
-        check(tmp_path, config)
+        claim(tmp_path, [corpus], config)
     del record["config"]["schedule"]["papers"], record["config"]["minutes"]
     record["config"]["lens"] = "wide"
     config_path(tmp_path).write_text(json.dumps(record))
