@@ -156,12 +156,6 @@ def _add_speed(out: Any) -> None:
         "folders may each render another part (default: all)",
     )
     out.add_argument(
-        "--device",
-        choices=("cpu", "cuda"),  # `variants.DEVICES`
-        help="what renders: the processor, or an NVIDIA GPU (default: a GPU that works, or the one "
-        "that a corpus was begun with)",
-    )
-    out.add_argument(
         "--shard-size",
         type=console.count,
         metavar="N",
@@ -195,7 +189,7 @@ def run(options: argparse.Namespace) -> int:
     from ..jobs.description import Description, Job
 
     begun = Split(options.out, options.split).description_path
-    choice = choose_variant(begun, options.device)
+    choice = choose_variant(begun)
     light_law, endless = _laws(options)
     folders = {
         name: str(folder.resolve()) if (folder := getattr(options, name)) else None
@@ -277,25 +271,17 @@ def _laws(options: argparse.Namespace) -> tuple[str, float]:
     return law, share
 
 
-def choose_variant(description: Path, device: str | None) -> "Choice":
-    """Choose a variant of Mitsuba, and tell it; what was begun with another one goes on with that.
+def choose_variant(description: Path) -> "Choice":
+    """Choose a variant of Mitsuba, and tell it; what was begun with the slow one goes on with that.
 
     Args:
         description: file of the description with which a folder was begun; it need not exist.
-        device: one of `variants.DEVICES`; None for the one with which the folder was begun, or for
-            whichever works.
-
-    Raises:
-        RuntimeError: if the device cannot render here.
     """
     from ..jobs import resuming
     from ..mitsuba_setup import variants
 
-    begun = (resuming.read_description(description) or {}).get("variant")
-    if begun is not None and device is None:
-        device = variants.device_of(begun)
-    choice = variants.choose(device)
-    if begun == variants.SLOW and device == variants.CPU_DEVICE:
+    choice = variants.choose()
+    if (resuming.read_description(description) or {}).get("variant") == variants.SLOW:
         # It was begun without a libLLVM: its other shards need the same variant.
         choice = variants.Choice(variants.SLOW, None)
     print(choice.explain(), file=sys.stderr)

@@ -185,7 +185,6 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
             for name in sidecars[0]["packages"]
         },
         "description": job.description.recorded(),
-        "device": variants.device_of(job.description.variant),
         "shards": job.description.shards,
         "examples": job.description.count,
         "sha256": [sidecar["sha256"] for sidecar in sidecars],

@@ -37,7 +37,7 @@ def _fetch() -> int:
             _unpack(variants.own_folder())
         except (OSError, subprocess.SubprocessError) as error:
             print(f"could not fetch one: {error}", file=sys.stderr)
-    print(variants.choose(variants.CPU_DEVICE).explain(), file=sys.stderr)
+    print(variants.choose().explain(), file=sys.stderr)
     return 0
 
 

@@ -1,9 +1,8 @@
 """The choice of a Mitsuba variant that can run here, made without aborting this process.
 
-`cuda_ad_rgb` needs NVIDIA's driver, with the libraries that trace rays (OptiX). `llvm_ad_rgb` needs
-a shared libLLVM. Some versions abort the whole process while compiling a kernel (15 and 16 do, with
-Dr.Jit 1.5), so each candidate is tried in a child process first. Without a GPU and without a usable
-libLLVM, `scalar_rgb` traces the rays, and NumPy shades.
+`llvm_ad_rgb` needs a shared libLLVM. Some versions abort the whole process while compiling a kernel
+(15 and 16 do, with Dr.Jit 1.5), so each candidate is tried in a child process first. Without a
+usable libLLVM, `scalar_rgb` traces the rays, and NumPy shades.
 """
 
 import contextlib
@@ -16,11 +15,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-GPU, FAST, SLOW = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
-CPU_DEVICE, GPU_DEVICE = DEVICES = ("cpu", "cuda")
-_DRIVERS = (Path("/dev/nvidiactl"), Path("/dev/dxg"))
-"""Files that an NVIDIA driver makes, the latter under Windows' Linux; without one no GPU is tried.
-"""
+FAST, SLOW = "llvm_ad_rgb", "scalar_rgb"
 _LIBRARY_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _PROBE_SECONDS = 120
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # options of glibc's `mallopt`, from `malloc.h`
@@ -32,10 +27,10 @@ resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 from lime_keras.render.mitsuba_setup import variants
 variants.load_companions()
 import drjit as dr, mitsuba as mi
-mi.set_variant({variant!r})
+mi.set_variant("llvm_ad_rgb")
 x = dr.linspace(mi.Float, -1, 1, 9)
 assert abs(dr.sum(dr.minimum(dr.maximum(x, 0), dr.exp2(x)))[0] - 2.5) < 1e-5
-scene = mi.load_dict({{"type": "scene", "shape": {{"type": "sphere"}}}})
+scene = mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
 hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0.5 * x, 0, 4), mi.Vector3f(0, 0, -1)))
 assert dr.all(hit.is_valid())
 """
@@ -52,8 +47,8 @@ class Choice:
     """A Mitsuba variant that was tried and runs, with the libLLVM it needs.
 
     Attributes:
-        variant: `cuda_ad_rgb`, `llvm_ad_rgb` or `scalar_rgb`.
-        library: the libLLVM of `llvm_ad_rgb`, None for the others.
+        variant: `llvm_ad_rgb` or `scalar_rgb`.
+        library: the libLLVM of `llvm_ad_rgb`, None for the other.
         tried: libraries that were found and do not work.
     """
 
@@ -63,8 +58,6 @@ class Choice:
 
     def explain(self) -> str:
         """Return lines for the user: the variant that runs, and how to get the faster variant."""
-        if self.variant == GPU:
-            return f"rendering with {self.variant}, on the GPU"
         if self.library:
             return f"rendering with {self.variant}, {self.library}"
         failed = f" (found but unusable: {', '.join(map(str, self.tried))})" if self.tried else ""
@@ -76,40 +69,15 @@ class Choice:
         )
 
 
-def device_of(variant: str) -> str:
-    """Return the device, of `DEVICES`, on which a variant of Mitsuba renders."""
-    return GPU_DEVICE if variant.startswith("cuda") else CPU_DEVICE
-
-
-def is_on_gpu() -> bool:
-    """Return whether this process renders on a GPU; Mitsuba is not imported for the answer."""
-    mitsuba = sys.modules.get("mitsuba")
-    return mitsuba is not None and device_of(str(mitsuba.variant())) == GPU_DEVICE
-
-
-def choose(device: str | None = None) -> Choice:
+def choose() -> Choice:
     """Find the fastest variant that works here; takes a second or two.
 
-    A GPU is tried first. Then the environment variable `DRJIT_LIBLLVM_PATH` is tried, the library
-    of the virtual environment (`fetch_llvm` puts one there), and the system's, newest first.
-
-    Args:
-        device: one of `DEVICES`; None for whichever works.
+    The environment variable `DRJIT_LIBLLVM_PATH` is tried first, then the library of the virtual
+    environment (`fetch_llvm` puts one there), and the system's, newest first.
 
     Raises:
-        RuntimeError: if Mitsuba cannot be loaded at all, or not on that device; the message names
-            what is missing.
+        RuntimeError: if Mitsuba cannot be loaded at all; the message names what is missing.
     """
-    if device != CPU_DEVICE:
-        lacking = _gpu_lacks()
-        if lacking is None:
-            return Choice(GPU, None)
-        if device == GPU_DEVICE:
-            raise RuntimeError(
-                f"no GPU can render here: {lacking}. Install NVIDIA's driver with its OptiX "
-                "libraries (in a container: NVIDIA_DRIVER_CAPABILITIES=all); what is not begun "
-                "on a GPU, --device cpu renders"
-            )
     tried: list[Path] = []
     for library in candidates():
         if works(library):
@@ -144,16 +112,7 @@ def own_folder() -> Path:
 
 def works(library: Path) -> bool:
     """Return whether Mitsuba's LLVM variant works with this libLLVM, tried in a child process."""
-    probe = _PROBE.format(variant=FAST)
-    return _failure(probe, os.environ | {_LIBRARY_VARIABLE: str(library)}) is None
-
-
-def _gpu_lacks() -> str | None:
-    """Return why no GPU can render here; None if one can, tried in a child process."""
-    if not any(driver.exists() for driver in _DRIVERS):
-        return "this machine has no NVIDIA driver"
-    reason = _failure(_PROBE.format(variant=GPU), os.environ)
-    return reason if reason is None else reason or "a trial failed"
+    return _failure(_PROBE, os.environ | {_LIBRARY_VARIABLE: str(library)}) is None
 
 
 def _failure(probe: str, environment: Mapping[str, str]) -> str | None:

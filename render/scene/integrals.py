@@ -6,14 +6,12 @@ the lights of a `Light.cut`, without those behind the surface.
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from lime_keras.optics import environment, shading
 
-from ..mitsuba_setup import variants
 from .lights import Light
 
 Cut = tuple[slice, np.ndarray, np.ndarray]
@@ -67,13 +65,9 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
     order, groups = _groups(mirrored, max(_LEAST_CELLS, round(math.pi / support)))
     mirrored, normal = mirrored[order], normal[order]
     terms = shading.lobe_terms(normal, view[order])
-    cuts = _cuts(mirrored, normal, groups, exponent, support, light)
     sums = np.empty(len(normal), normal.dtype)
-    if variants.is_on_gpu():
-        sums[:] = sum_lobes_by_drjit(terms, exponent, list(cuts))
-    else:
-        for rows, directions, energies in cuts:
-            sums[rows] = shading.sum_lobes(terms[:, rows], exponent, directions, energies)
+    for rows, directions, energies in _cuts(mirrored, normal, groups, exponent, support, light):
+        sums[rows] = shading.sum_lobes(terms[:, rows], exponent, directions, energies)
     out = np.empty_like(sums)
     out[order] = sums
     return out * np.asarray(shading.normaliser(float(exponent)), out.dtype)
@@ -101,52 +95,6 @@ def _cuts(
         ):
             lit = directions @ axis >= lowest
             yield rows, directions[lit], energies[lit]
-
-
-def sum_lobes_by_drjit(terms: np.ndarray, exponent: float, cuts: Sequence[Cut]) -> np.ndarray:
-    """Return what `shading.sum_lobes` returns, `(N,)`, for all groups of samples in one kernel.
-
-    It is meant for a GPU. On a processor NumPy is as fast, and keeps the last digits.
-
-    Args:
-        terms: the terms of all samples, `(2, N, 4)`, from `shading.lobe_terms`.
-        exponent: s.
-        cuts: samples and lights of each group; every sample belongs to one group.
-    """
-    import drjit as dr
-    import mitsuba as mi
-
-    if not cuts:
-        return np.zeros(0, terms.dtype)
-    number: Any = mi.Float if terms.dtype == np.float32 else mi.Float64
-    # Upload: the samples' terms, the groups' lights one after another, and each sample's part.
-    ends = np.cumsum([len(energies) for _, _, energies in cuts])
-    samples = [rows.stop - rows.start for rows, _, _ in cuts]
-    last = mi.UInt32(np.repeat(ends, samples).astype(np.uint32))
-    first = mi.UInt32(np.repeat([0, *ends[:-1]], samples).astype(np.uint32))
-    directions = np.concatenate([directions for _, directions, _ in cuts])
-    light = [number(np.ascontiguousarray(axis)) for axis in directions.T]
-    energy = number(np.concatenate([energies for _, _, energies in cuts]))
-    across, along = ([number(np.ascontiguousarray(row)) for row in part.T] for part in terms)
-    behind = dr.maximum(across[3], 0)
-    power = dr.opaque(number, exponent)  # a literal would compile a new kernel for every image
-
-    def add(index, total):
-        towards = [dr.gather(number, axis, index) for axis in light]
-        lobe, length = across[3], along[3]
-        for k in range(3):
-            lobe = dr.fma(across[k], towards[k], lobe)
-            length = dr.fma(along[k], towards[k], length)
-        cosine = dr.clip(lobe / dr.sqrt(dr.clip(length, 1e-12, 4)), 1e-30, 1)
-        # Far below, `exp2` of doubles returns infinity.
-        value = dr.exp2(dr.maximum(power * dr.log2(cosine), -126))
-        value *= dr.gather(number, energy, index)
-        return index + 1, total + dr.select(lobe > behind, value, 0)
-
-    _, total = dr.while_loop(
-        (first, dr.zeros(number, len(across[3]))), lambda index, _: index < last, add
-    )
-    return np.array(total)
 
 
 def _groups(directions: np.ndarray, cells: int) -> tuple[np.ndarray, list[slice]]:

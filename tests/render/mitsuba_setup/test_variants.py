@@ -16,7 +16,6 @@ def machine(monkeypatch, tmp_path):
     monkeypatch.setattr(variants, "own_folder", lambda: tmp_path / "own")
     monkeypatch.setattr(variants, "_linker_cache", lambda: [])
     monkeypatch.setattr(Path, "glob", lambda *_: iter(()))
-    monkeypatch.setattr(variants, "_DRIVERS", (tmp_path / "dev" / "nvidiactl",))
     return tmp_path
 
 
@@ -79,53 +78,6 @@ def test_the_slow_variant_is_told_with_the_way_to_the_fast_one(machine):
     assert "scalar_rgb" in explanation and "found but unusable" not in explanation
     for way in ("lime_keras.render.mitsuba_setup.fetch_llvm", "libllvm19", "DRJIT_LIBLLVM_PATH"):
         assert way in explanation
-
-
-# ---- GPUs ------------------------------------------------------------------------------------
-
-# Stands for Mitsuba's trial: a GPU works, whatever the library.
-WORKING_GPU = "assert {variant!r} == 'cuda_ad_rgb'"
-
-
-def test_a_gpu_that_works_comes_first(machine, monkeypatch):
-    _touch(machine / "dev" / "nvidiactl")
-    library = _touch(machine / "own" / "libLLVM.so.19.1")
-    monkeypatch.setattr(variants, "_PROBE", WORKING_GPU)
-    for device in (None, "cuda"):
-        assert variants.choose(device) == variants.Choice("cuda_ad_rgb", None)
-    assert "on the GPU" in variants.choose().explain()
-    monkeypatch.setattr(variants, "_PROBE", "")  # now all work
-    assert variants.choose("cpu") == variants.Choice("llvm_ad_rgb", library)
-
-
-@pytest.mark.parametrize(
-    ("probe", "reason"),
-    [
-        ("raise ImportError('libnvoptix.so.1 is missing')", "libnvoptix.so.1 is missing"),
-        ("import os; os.abort()", "a trial failed"),
-    ],
-)
-def test_a_gpu_that_fails_gives_a_processor_and_is_refused_by_name(
-    machine, monkeypatch, probe, reason
-):
-    _touch(machine / "dev" / "nvidiactl")
-    monkeypatch.setattr(variants, "_PROBE", probe)
-    assert variants.choose() == variants.choose("cpu") == variants.Choice("scalar_rgb", None)
-    with pytest.raises(RuntimeError, match=rf"no GPU can render here: {reason}.*--device cpu"):
-        variants.choose("cuda")
-
-
-def test_without_a_driver_no_gpu_is_tried(machine, monkeypatch):
-    monkeypatch.setattr(variants, "_PROBE", WORKING_GPU)
-    assert variants.choose() == variants.Choice("scalar_rgb", None)
-    with pytest.raises(RuntimeError, match=r"no NVIDIA driver.*OptiX"):
-        variants.choose("cuda")
-
-
-def test_a_variant_has_one_device():
-    named = [variants.GPU, variants.FAST, variants.SLOW]
-    assert [variants.device_of(name) for name in named] == ["cuda", "cpu", "cpu"]
-    assert set(map(variants.device_of, named)) == set(variants.DEVICES)
 
 
 def test_the_fast_variant_is_told_with_its_library():

@@ -1,6 +1,5 @@
 """Fast D, S and M against plain sums over every texel, and in closed form."""
 
-import dataclasses
 import itertools
 import math
 
@@ -10,9 +9,7 @@ from render_scenes import photographed
 
 from lime_keras.optics import environment, shading, shininess
 from lime_keras.optics.shading import normaliser
-from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import integrals, lights
-from lime_keras.render.scene.quality import FAST
 
 BINS = 10.0 ** shininess.LOG_MEANS[[0, 3, 7]]
 FURNACE = np.ones((128, 256))
@@ -148,28 +145,6 @@ def test_no_sample_at_all_gives_no_shading(light):
     nothing = np.zeros((0, 3), np.float32)
     assert integrals.specular(nothing, nothing, 10.0, light).shape == (0,)
     assert integrals.diffuse(nothing, light).shape == (0,)
-
-
-@pytest.mark.parametrize("exponent", [1.0, 42.0, 1000.0])
-@pytest.mark.parametrize(("precision", "rtol"), [("float32", 1e-3), ("float64", 1e-9)])
-def test_the_kernel_for_a_gpu_sums_as_numpy_does(
-    mitsuba_choice, monkeypatch, exponent, precision, rtol
-):
-    if mitsuba_choice.variant == variants.SLOW:
-        pytest.skip("Dr.Jit needs a libLLVM or a GPU")
-    light = lights.prepare(
-        "photographed", photographed(), quality=dataclasses.replace(FAST, precision=precision)
-    )
-    normal, view = (vectors.astype(precision) for vectors in sphere(200))
-    monkeypatch.setattr(variants, "is_on_gpu", lambda: False)
-    expected = integrals.specular(normal, view, exponent, light)
-    monkeypatch.setattr(variants, "is_on_gpu", lambda: True)
-    found = integrals.specular(normal, view, exponent, light)
-    assert found.dtype == expected.dtype
-    # In single precision the power of s multiplies the rounding of the cosine.
-    np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * expected.mean())
-    assert np.any(found != expected)  # it is another sum, not the same one
-    assert integrals.specular(normal[:0], view[:0], exponent, light).shape == (0,)
 
 
 @pytest.mark.parametrize("degrees", [0.3, 1.0, 4.0, 9.0])
