@@ -4,11 +4,11 @@
     lime-train --recipe nano --data DATA --out runs/nano --reuse runs/live    # not shipped
 
 SegmentationNet and the encoders of `live`, as it comes with the package, are trained on at 64
-pixels; S and M, which are half as wide, from nothing. Some 2.5 hours of one core, or 1.5 with
---reuse of a run of `live`, which has the corpora (estimated from rates, see
-docs/how-to/recipes.md). 15 GB of disk.
-Scores: not trained yet. The set of this name that comes with the package is of before there were
-recipes (lime_keras/pretrained/README.md).
+pixels; S and M, which are half as wide, from nothing. 2.4 hours of two cores with AVX-512, 0.8 of
+them rendering; 15 GB of disk. The set of this name that comes with the package is its, of seed 0.
+
+Scores on its validation scenes: mask IoU 83.9 %, right bin 26.4 % (or neighbouring 55.6 %),
+log10 s 0.594, m_d 0.101, m_s 0.061, S 0.794, M 0.846.
 """
 
 import dataclasses
