@@ -117,7 +117,7 @@ def test_every_stage_is_trained_by_adam_with_defaults_at_a_constant_rate(row, su
 def test_the_decay_that_delta_may_have_been_is_kerass():
     decayed = dataclasses.replace(SCHEDULES["paper"], decay=1e-6)
     stage = decayed.stages(PAPER)[0]
-    rate = trainer._learning_rates(stage)
+    rate = trainer._learning_rates(stage, decayed)
     assert float(rate(0)) == pytest.approx(1e-4)
     assert float(rate(100_000)) == pytest.approx(1e-4 / 1.1)
 
