@@ -223,6 +223,13 @@ def test_the_figures_of_the_pages_are_those_of_the_files():
         assert not re.search("^<!-- figure", read(page), re.MULTILINE), named(page)
 
 
+def test_a_figure_that_its_file_lacks_is_an_error_unless_a_dash_is_meant():
+    figures = script(DOCS / "figures.py")
+    assert figures.figure("photographs; live, given mask; iou; .1%–") == "–"
+    with pytest.raises(KeyError, match="iou"):
+        figures.figure("photographs; live, given mask; iou; .1%")
+
+
 def test_the_citation_is_of_this_version():
     cited = yaml.safe_load(read(ROOT / "CITATION.cff"))
     assert cited["version"] == __version__
