@@ -90,10 +90,7 @@ KNOBS: dict[str, tuple[Callable[..., Photo], tuple[float, ...]]] = {
         lambda photo, to: dataclasses.replace(photo, image=photo.image * 2.0**to),
         (0, -3, -2, -1.5, -1, -0.5, 0.5, 1, 1.5, 2),
     ),
-    "cast, red over blue": (
-        tinted,
-        (0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.125, 0.15, 0.175, 0.2),
-    ),
+    "cast, red over blue": (tinted, (0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.125, 0.15, 0.175, 0.2)),
     "given mask's edge, pixels": (moved, (0, -4, -3, -2, -1, 1, 2, 3, 4, 6)),
 }
 """By the name of a knob, a function that turns it, and its ten settings, the best first."""
@@ -133,10 +130,7 @@ def main() -> None:
 
 
 def _measured(
-    estimator: Estimator,
-    chosen: list[dict[str, np.ndarray]],
-    turn: Callable[..., Photo],
-    to: float,
+    estimator: Estimator, chosen: list[dict[str, np.ndarray]], turn: Callable[..., Photo], to: float
 ) -> np.ndarray:
     """Return the mean of each measure; where no object was found, all but the IoU are left out."""
     rows: list[tuple[float, ...]] = []

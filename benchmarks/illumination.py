@@ -109,10 +109,7 @@ def _measured(
         return illumination.observe(truth["normal"], view, mirror, diffuse, known)
 
     evidence = observed(truth["mirror"], truth["diffuse_shading"], truth["mask"])
-    lights = {
-        "true": illumination.estimate(evidence),
-        "true, as printed": as_printed(evidence),
-    }
+    lights = {"true": illumination.estimate(evidence), "true, as printed": as_printed(evidence)}
     if estimate is not None:
         mask = estimate["mask"] * (estimate["mask"] >= 0.5)
         specular = estimate["specular_albedo"] * estimate["specular_shading"]

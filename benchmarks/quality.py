@@ -184,11 +184,7 @@ def _trade(chosen: list[Scene], out: Path) -> Iterable[str]:
     columns = [layer if lobe is None else f"{layer} {lobe}" for layer, lobe in _curves()]
     for knob, points in measured.items():
         rows = [
-            (
-                label,
-                f"{relative:.2f}",
-                *(_percentiles([errors[curve]]) for curve in _curves()),
-            )
+            (label, f"{relative:.2f}", *(_percentiles([errors[curve]]) for curve in _curves()))
             for label, relative, errors in points
         ]
         yield _table(f"`{knob}`", (knob, "time / fast", *columns), rows)

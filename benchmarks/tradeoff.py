@@ -39,11 +39,7 @@ def main() -> None:
             of_model[f"{row['precision']}, {name}"] = record.Figure(value)
     if arguments.record:
         record.write(
-            arguments.record,
-            figures,
-            code=CODE,
-            weights=arguments.weights,
-            corpus=arguments.corpus,
+            arguments.record, figures, code=CODE, weights=arguments.weights, corpus=arguments.corpus
         )
 
 

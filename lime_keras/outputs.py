@@ -31,9 +31,7 @@ OUTPUTS = {
     "reflectance_map": Output("linear RGB radiance over the disc of a sphere's normals", "sphere"),
     "diffuse_albedo": Output("linear RGB reflectance in [0, 1]"),
     "specular_albedo": Output("linear reflectance in [0, 1]"),
-    "exponent_bin_probabilities": Output(
-        "probability of each bin of the exponent; they sum to 1",
-    ),
+    "exponent_bin_probabilities": Output("probability of each bin of the exponent; they sum to 1"),
     "log_exponent": Output("log10 of the Blinn-Phong exponent, in [0, 3]"),
 }
 """All outputs by name, in the order in which a system gives them. No system has every output."""

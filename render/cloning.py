@@ -41,10 +41,7 @@ _MOST_PIXELS = 1024
 _FINE = (256, 512)  # rows and columns to which the estimated light is resampled for rendering
 _RIM = 0.03
 """Width by which the mask is grown, as a share of the object's size, to hide the old edges."""
-UPRIGHT = {
-    "y": np.eye(3),
-    "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
-}
+UPRIGHT = {"y": np.eye(3), "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])}
 """Rotations that stand a mesh upright, by the axis that points up in its file."""
 _SHADOW_REACH = 3  # side of the square that may be shadowed, in sides of the rendered square
 _SHADOW_PIXELS = 384

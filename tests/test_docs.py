@@ -265,11 +265,6 @@ def test_the_picture_of_the_first_material_is_made(tmp_path):
 @pytest.mark.slow
 def test_all_pictures_of_the_docs_are_made(tmp_path):
     sizes = made(["layers", "dichromatic", "photographs"], tmp_path)
-    assert sizes.keys() == {
-        "layers.webp",
-        "exponents.webp",
-        "dichromatic.webp",
-        "photographs.webp",
-    }
+    assert sizes.keys() == {"layers.webp", "exponents.webp", "dichromatic.webp", "photographs.webp"}
     rows = len([*(ROOT / "examples" / "photos").glob("*.png")])
     assert sizes["photographs.webp"][1] > 200 * rows

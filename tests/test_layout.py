@@ -63,12 +63,7 @@ ROWS = {
         ("sections",),
         ("cli",),
     ),
-    "eval/stability": (
-        ("verdicts", "double_precision"),
-        ("precisions",),
-        ("systems",),
-        ("suite",),
-    ),
+    "eval/stability": (("verdicts", "double_precision"), ("precisions",), ("systems",), ("suite",)),
 }
 
 

@@ -67,11 +67,7 @@ class Evaluation:
 
 
 def evaluate(
-    model_dir: Path,
-    corpus: Path,
-    *,
-    camera: bool = False,
-    engine: Engine | None = None,
+    model_dir: Path, corpus: Path, *, camera: bool = False, engine: Engine | None = None
 ) -> Evaluation:
     """Measure a trained system on a corpus' test split, with progress on standard error.
 
@@ -280,9 +276,7 @@ def _contrast(radiance: np.ndarray) -> np.ndarray:
 
 
 def _layers_flip(
-    example: Mapping[str, np.ndarray],
-    estimate: Mapping[str, np.ndarray],
-    pool: ThreadPoolExecutor,
+    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray], pool: ThreadPoolExecutor
 ) -> dict[str, np.ndarray]:
     """Return `specular_shading_flip` and `mirror_flip`, `(B,)`, of the layers in `estimate`."""
     return {

@@ -102,17 +102,10 @@ MEASURES = {
         paper=0.4012,
     ),
     "exponent_within_one": Measure(
-        "Exponent, right or neighbouring",
-        "right or next",
-        ("within_one",),
-        paper=0.8519,
-        **_SHARE,
+        "Exponent, right or neighbouring", "right or next", ("within_one",), paper=0.8519, **_SHARE
     ),
     "log_exponent_mae": Measure(
-        "Exponent, error of log10 s",
-        "log10 s error",
-        ("log_error",),
-        paper=0.3073,
+        "Exponent, error of log10 s", "log10 s error", ("log_error",), paper=0.3073
     ),
     "log_exponent_rmse": Measure(
         "Exponent, RMSE of log10 s", "log10 s RMSE", ("log_squared",), np.sqrt
@@ -132,19 +125,13 @@ MEASURES = {
     ),
     "ggx_alpha_mae": Measure("Exponent as GGX α, MAE", "GGX α MAE", ("ggx_alpha_error",)),
     "diffuse_albedo_mae": Measure(
-        "Diffuse albedo, MAE",
-        "diffuse MAE",
-        ("diffuse_absolute",),
-        paper=0.0674,
+        "Diffuse albedo, MAE", "diffuse MAE", ("diffuse_absolute",), paper=0.0674
     ),
     "diffuse_albedo_rmse": Measure(
         "Diffuse albedo, RMSE", "diffuse RMSE", ("diffuse_squared",), np.sqrt
     ),
     "specular_albedo_mae": Measure(
-        "Specular albedo, MAE",
-        "specular MAE",
-        ("specular_absolute",),
-        paper=0.2158,
+        "Specular albedo, MAE", "specular MAE", ("specular_absolute",), paper=0.2158
     ),
     "specular_albedo_rmse": Measure(
         "Specular albedo, RMSE", "specular RMSE", ("specular_squared",), np.sqrt
@@ -167,10 +154,7 @@ MEASURES = {
     "mirror_flip": Measure("Mirror image M, ꟻLIP", "M ꟻLIP", ("mirror_flip",)),
     "relighting_psnr": Measure("Relit under the photo's light, PSNR", "relit", ("relit",), **_PSNR),
     "relighting_psnr_unseen": Measure(
-        "Relit under a light not seen, PSNR",
-        "relit, unseen light",
-        ("relit_unseen",),
-        **_PSNR,
+        "Relit under a light not seen, PSNR", "relit, unseen light", ("relit_unseen",), **_PSNR
     ),
     "calibration_error": Measure(
         "Probabilities, expected calibration error",

@@ -40,9 +40,7 @@ FEATURES = (
 
 
 AVERAGE = BlinnPhong(
-    np.full(3, 0.5, np.float32),
-    0.5,
-    10.0 ** ((shininess.LOG_LOW + shininess.LOG_HIGH) / 2),
+    np.full(3, 0.5, np.float32), 0.5, 10.0 ** ((shininess.LOG_LOW + shininess.LOG_HIGH) / 2)
 )
 """The material in the middle of every range: a prediction that ignores the image."""
 

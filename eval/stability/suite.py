@@ -168,12 +168,6 @@ def _counted(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
 
 def _cells(verdict: Verdict) -> tuple[str, ...]:
     """Return the cells of a row in the order of `HEADER`."""
-    numbers = (
-        verdict.value,
-        verdict.gradient,
-        verdict.reference,
-        verdict.error,
-        verdict.tolerance,
-    )
+    numbers = (verdict.value, verdict.gradient, verdict.reference, verdict.error, verdict.tolerance)
     written = [ABSENT if number is None else f"{number:.4g}" for number in numbers]
     return (verdict.case, verdict.precision, *written, _state(verdict), verdict.note)

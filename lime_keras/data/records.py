@@ -32,14 +32,7 @@ _SCALARS = ("specular_albedo", "shininess", "ambient")
 _STRINGS = ("shape", "light")
 _INTEGERS = ("seed", "index")
 
-FEATURES = (
-    *_BYTE_IMAGES,
-    *_HALF_IMAGES,
-    *_VECTORS,
-    *_SCALARS,
-    *_STRINGS,
-    *_INTEGERS,
-)
+FEATURES = (*_BYTE_IMAGES, *_HALF_IMAGES, *_VECTORS, *_SCALARS, *_STRINGS, *_INTEGERS)
 
 
 def encode(example: Mapping[str, Any]) -> bytes:

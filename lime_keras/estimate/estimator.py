@@ -143,9 +143,7 @@ class Estimator:
     def __call__(self, photo: Picture, mask: Picture | None = None) -> Material: ...
 
     def __call__(
-        self,
-        photo: Picture | list[Picture],
-        mask: Picture | list[Picture] | None = None,
+        self, photo: Picture | list[Picture], mask: Picture | list[Picture] | None = None
     ) -> Material | list[Material]:
         """Estimate the material of the object in a photo, or of several in a list (`estimate`)."""
         if not isinstance(photo, list):

@@ -119,12 +119,7 @@ def gltf(material: Material, name: str) -> str:
     buffer = base64.b64encode(vertices + indices).decode()
     views = [
         {"buffer": 0, "byteLength": len(vertices), "target": _VERTICES, "byteOffset": 0},
-        {
-            "buffer": 0,
-            "byteLength": len(indices),
-            "target": _INDICES,
-            "byteOffset": len(vertices),
-        },
+        {"buffer": 0, "byteLength": len(indices), "target": _INDICES, "byteOffset": len(vertices)},
     ]
     accessors = [
         {

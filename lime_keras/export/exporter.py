@@ -146,10 +146,7 @@ def export(
 
 
 def target(
-    folder: Path,
-    model_format: str,
-    precision: str = "float32",
-    only: Collection[str] | None = None,
+    folder: Path, model_format: str, precision: str = "float32", only: Collection[str] | None = None
 ) -> Path:
     """Return the path that `export` writes.
 

@@ -161,8 +161,7 @@ def _unknown(reason: str) -> Conversion:
         is_identity=True,
         cautions=(
             Caution(
-                "colours-unknown",
-                f"its colours are read as sRGB, but {reason}: convert it to sRGB",
+                "colours-unknown", f"its colours are read as sRGB, but {reason}: convert it to sRGB"
             ),
         ),
     )

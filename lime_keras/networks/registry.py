@@ -120,13 +120,7 @@ SUBNETWORKS = {
         encoder=True,
         heads=("logits", "log_exponent"),
     ),
-    "albedo": Subnetwork(
-        albedo_net,
-        ("albedos",),
-        _lime,
-        encoder=True,
-        heads=("albedos",),
-    ),
+    "albedo": Subnetwork(albedo_net, ("albedos",), _lime, encoder=True, heads=("albedos",)),
     "reflectance_map": Subnetwork(reflectance_map_net, ("reflectance_map",), _baseline),
     "material": Subnetwork(
         material_net,
@@ -162,9 +156,7 @@ QUANTITIES = {
         ),
     ),
     "reflectance_map": Quantity(
-        lambda raw, _: raw * disc(raw.shape[1]),
-        lambda truth, _: compress(truth),
-        channels=3,
+        lambda raw, _: raw * disc(raw.shape[1]), lambda truth, _: compress(truth), channels=3
     ),
     "albedos": Quantity(lambda raw, _: ops.clip(raw, 0.0, 1.0)),
     "exponent_bin_probabilities": Quantity(lambda logits, _: ops.softmax(logits)),

@@ -7,13 +7,7 @@ import keras
 from keras import layers
 
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.blocks import (
-    PLAIN_HEAD,
-    HueOfPixels,
-    encoder,
-    pretrained_unet,
-    unet,
-)
+from lime_keras.networks.blocks import PLAIN_HEAD, HueOfPixels, encoder, pretrained_unet, unet
 from lime_keras.networks.guided_filter import GuidedFilter
 from lime_keras.optics.dichromatic import CHANNELS
 from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
@@ -100,9 +94,7 @@ def albedo_net(architecture: Architecture) -> keras.Model:
 
 def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> keras.KerasTensor:
     return encoder(
-        _joined(inputs),
-        width=architecture.encoder_width,
-        dense_width=architecture.dense_width,
+        _joined(inputs), width=architecture.encoder_width, dense_width=architecture.dense_width
     )
 
 

@@ -56,11 +56,7 @@ class Engine(Answering, Protocol):
 
 
 def load(
-    run: Path,
-    engine: str = ENGINES[0],
-    *,
-    precision: str = PRECISIONS[0],
-    streaming: bool = False,
+    run: Path, engine: str = ENGINES[0], *, precision: str = PRECISIONS[0], streaming: bool = False
 ) -> Engine:
     """Load a trained model.
 
@@ -77,10 +73,7 @@ def load(
             there is no such engine or precision.
         console.MissingExtra: if the engine needs packages that are not installed.
     """
-    for kind, name, known in (
-        ("engine", engine, ENGINES),
-        ("precision", precision, PRECISIONS),
-    ):
+    for kind, name, known in (("engine", engine, ENGINES), ("precision", precision, PRECISIONS)):
         if name not in known:
             raise ValueError(f"no {kind} {name!r}: choose from {', '.join(known)}")
     # Each engine imports what it runs on, which is large.

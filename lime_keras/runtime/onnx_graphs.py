@@ -63,13 +63,7 @@ class OnnxGraphs:
         description: the description.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        description: Description,
-        *,
-        streaming: bool = False,
-    ):
+    def __init__(self, folder: Path, description: Description, *, streaming: bool = False):
         self.folder, self.description, self._graphs = folder, description, description.graphs
         self._streaming = streaming
         self._sessions: dict[str, Session] = {}

@@ -29,11 +29,7 @@ def sample(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) ->
 
 
 def _solid(
-    rng: np.random.Generator,
-    kind: str,
-    centre: ArrayLike,
-    extent: ArrayLike,
-    turn: float,
+    rng: np.random.Generator, kind: str, centre: ArrayLike, extent: ArrayLike, turn: float
 ) -> Piece:
     gloss = rng.uniform(0.15, 0.6) if rng.random() < 0.3 else panels.MATTE
     return panels.solid(kind, centre, extent, turn, rng.uniform(0.04, 0.85), gloss)

@@ -77,10 +77,7 @@ def sample_rotation(rng: np.random.Generator) -> np.ndarray:
 
 
 def sample_pose(
-    rng: np.random.Generator,
-    vertices: np.ndarray,
-    size: int,
-    framing: Framing = NARROW,
+    rng: np.random.Generator, vertices: np.ndarray, size: int, framing: Framing = NARROW
 ) -> Pose:
     """Draw the pose of an object before the camera, and the crop of the photo around it.
 

@@ -54,11 +54,7 @@ def test_a_file_is_read_as_it_was_written(written):
 def test_a_file_is_measured_again_for_its_code_weights_or_corpus(written):
     data, content = written
     assert list(results.differences(content, data)) == []
-    for change in (
-        {"code": content["code"] - 1},
-        {"weights": {"live": "0"}},
-        {"corpus": "0"},
-    ):
+    for change in ({"code": content["code"] - 1}, {"weights": {"live": "0"}}, {"corpus": "0"}):
         assert len(list(results.differences(content | change, data))) == 1, change
     (data / "corpus" / "test" / "manifest.json").write_text('{"seed": 1}', encoding="utf-8")
     assert list(results.differences(content, data)) == ["corpus is another corpus"]

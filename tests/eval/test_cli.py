@@ -198,18 +198,10 @@ def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
 
 ABLATED = {
     "without MirrorNet": ({"mirror": False}, {"mirror_relative", "mirror_flip"}),
-    "regression": (
-        {"exponent": "regression"},
-        {"log_exponent_mae_winning", "calibration_error"},
-    ),
+    "regression": ({"exponent": "regression"}, {"log_exponent_mae_winning", "calibration_error"}),
     "baseline": (
         {"system": "reflectance-map"},
-        {
-            "specular_shading_relative",
-            "specular_shading_flip",
-            "mirror_relative",
-            "mirror_flip",
-        },
+        {"specular_shading_relative", "specular_shading_flip", "mirror_relative", "mirror_flip"},
     ),
 }
 """What each is, and the measures it does not have."""
@@ -382,10 +374,7 @@ def test_the_trade_without_runs_is_of_all_sets(corpus, sets, tmp_path, monkeypat
     out = ["--out", str(tmp_path / "out")]
     assert cli.main([str(corpus), *out, "--tradeoff"]) == 0
     assert cli.main([str(corpus), *out, "--tradeoff", "nano", "runs/mine"]) == 0
-    assert measured == [
-        [package / "live", package / "nano"],
-        [package / "nano", Path("runs/mine")],
-    ]
+    assert measured == [[package / "live", package / "nano"], [package / "nano", Path("runs/mine")]]
     assert set(sections.names(measured[0])) == {"live", "nano"}
 
 

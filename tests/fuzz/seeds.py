@@ -408,17 +408,7 @@ def _post(path: str, body: bytes, more: str = "") -> bytes:
 MAKERS: dict[str, Callable[[Path], None]] = {
     made.__name__: made
     for made in (
-        *(
-            pictures,
-            backgrounds,
-            masks,
-            normals,
-            environments,
-            meshes,
-            clips,
-            corpora,
-            records,
-        ),
+        *(pictures, backgrounds, masks, normals, environments, meshes, clips, corpora, records),
         *(weights, graphs, maskers, runs, predictions, results, requests),
     )
 }

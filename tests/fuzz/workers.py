@@ -220,12 +220,7 @@ class _Worker:
 
 
 def _work(
-    pipe: Connection,
-    doors: Mapping[str, Door],
-    seed: int,
-    scratch: Path,
-    log: Path,
-    limits: Limits,
+    pipe: Connection, doors: Mapping[str, Door], seed: int, scratch: Path, log: Path, limits: Limits
 ) -> None:
     """Read the inputs of blocks until the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer

@@ -75,11 +75,7 @@ def texels(light: str, precision: Precision) -> tuple[np.ndarray, np.ndarray]:
     for row, column in np.ndindex(height, width):
         theta, phi = math.pi * (row + 0.5) / height, 2 * math.pi * (column + 0.5) / width
         directions.append(
-            (
-                math.sin(theta) * math.sin(phi),
-                math.cos(theta),
-                -math.sin(theta) * math.cos(phi),
-            )
+            (math.sin(theta) * math.sin(phi), math.cos(theta), -math.sin(theta) * math.cos(phi))
         )
         # The product of sines equals cos a − cos b of the row's edges, without cancellation.
         area = 2 * math.sin(theta) * math.sin(math.pi / (2 * height)) * (2 * math.pi / width)

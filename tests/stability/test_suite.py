@@ -10,13 +10,7 @@ from keras import ops
 from lime_keras import losses
 from lime_keras.eval.stability import suite
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
-from lime_keras.optics import (
-    colour,
-    dynamic_range,
-    masking,
-    shading,
-    shininess,
-)
+from lime_keras.optics import colour, dynamic_range, masking, shading, shininess
 from lime_keras.optics.compositing import compose
 from tests.stability import __main__ as command
 from tests.stability import page_modules

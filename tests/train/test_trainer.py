@@ -22,14 +22,7 @@ from lime_keras.model import weights
 from lime_keras.networks import Architecture, subnetwork_names
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
-from lime_keras.train import (
-    cli,
-    initial_weights,
-    stage_model,
-    stage_training,
-    terms,
-    trainer,
-)
+from lime_keras.train import cli, initial_weights, stage_model, stage_training, terms, trainer
 from lime_keras.train.config import Config, claim, config_path, corpus_sha256
 from lime_keras.train.data import Data
 from lime_keras.train.devices import Devices
@@ -539,10 +532,7 @@ def test_photographs_count_for_the_mask_and_for_all_that_follows_from_it(corpus,
         ),
         ({"seed": 1}, {stage.name for stage in BRIEF.stages(TINY)}),
         ({"precision": "bfloat16"}, {stage.name for stage in BRIEF.stages(TINY)}),
-        (
-            {"schedule": dataclasses.replace(BRIEF, validation_examples=1)},
-            set(),
-        ),
+        ({"schedule": dataclasses.replace(BRIEF, validation_examples=1)}, set()),
     ],
     ids=["regression", "perceptual", "baseline", "steps", "camera", "seed", "precision", "none"],
 )

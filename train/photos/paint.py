@@ -149,10 +149,7 @@ def paper(size: int, generator: np.random.Generator) -> np.ndarray:
 
 
 def pattern(
-    size: int,
-    generator: np.random.Generator,
-    level: float,
-    cells: tuple[int, int] = _CELLS,
+    size: int, generator: np.random.Generator, level: float, cells: tuple[int, int] = _CELLS
 ) -> np.ndarray:
     """Return where smooth noise is above a level, `(size, size, 1)` float32 in [0, 1].
 

@@ -40,7 +40,7 @@ def test_a_page_answers_in_a_browser(tmp_path):
     measured = timing.measure(case, static_page.write(tmp_path), PICTURE, QUICK)
     assert QUICK["least"] <= len(measured["seconds"]) <= QUICK["most"]
     assert timing.pooled([measured]).keys() == {
-        *("ms", "p95_ms", "samples", "spread", "cold_start_s"),
+        *("ms", "p95_ms", "samples", "spread", "cold_start_s")
     }
 
 

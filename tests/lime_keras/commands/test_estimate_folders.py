@@ -64,7 +64,7 @@ def test_each_photo_may_have_its_folder(folder, tmp_path):
     assert run(folder / "a.png", folder / "one", "--folders", out=out) == 0
     assert numbers(out) == ["a-2/a-2.json", "a/a.json", "two/a-2/a-2.json", "two/a/a.json"]
     assert {path.name for path in (out / "a").iterdir()} == {
-        *("a.json", "a-mask.png", "a-preview.png"),
+        *("a.json", "a-mask.png", "a-preview.png")
     }
 
 

@@ -45,10 +45,7 @@ def test_what_would_be_the_same_is_kept(tmp_path, photo):
 
 @pytest.mark.parametrize(
     ("change", "told"),
-    [
-        ({"weights": "v" * 64}, "weights"),
-        ({"only": ["mask"], "shadow": True}, "--only, --shadow"),
-    ],
+    [({"weights": "v" * 64}, "weights"), ({"only": ["mask"], "shadow": True}, "--only, --shadow")],
     ids=["weights", "options"],
 )
 def test_what_was_made_otherwise_is_refused(change, told, tmp_path, photo):

@@ -110,10 +110,7 @@ CASES = {
         p, levels(chart(PATCHES), np.uint16), cICP=bytes([1, 8, 0, 1]), **icc(profile(GAMMA))
     ),
     "ICC before gamma": lambda p: png(
-        p,
-        levels(chart(PATCHES), np.uint16),
-        gAMA=struct.pack(">I", 45_455),
-        **icc(profile(LINEAR)),
+        p, levels(chart(PATCHES), np.uint16), gAMA=struct.pack(">I", 45_455), **icc(profile(LINEAR))
     ),
     "gamma": lambda p: png(p, levels(chart(PATCHES) ** (1 / 1.8)), gAMA=struct.pack(">I", 55_556)),
     "gamma and chromaticities": lambda p: png(

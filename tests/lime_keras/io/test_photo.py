@@ -191,9 +191,7 @@ def test_a_profile_is_converted_from(tmp_path, suffix):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [profile(b"GRAY"), profile()[:200], b"no profile"],
-    ids=["grey", "cut off", "none"],
+    "content", [profile(b"GRAY"), profile()[:200], b"no profile"], ids=["grey", "cut off", "none"]
 )
 def test_a_profile_that_does_not_apply_changes_nothing_and_is_told(tmp_path, content):
     levels = (noise() * 255).astype(np.uint8)
@@ -366,8 +364,7 @@ def test_what_follows_a_jpegs_end_does_no_harm(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "error",
-    [IndexError("list index"), EOFError(), KeyError(3), struct.error(), AssertionError()],
+    "error", [IndexError("list index"), EOFError(), KeyError(3), struct.error(), AssertionError()]
 )
 def test_whatever_a_decoder_raises_names_the_file(error, tmp_path, monkeypatch):
     path = save(tmp_path / "p.heic", chart())

@@ -91,10 +91,6 @@ def test_json_that_is_missing_or_a_pipe_or_huge(tmp_path):
     os.mkfifo(tmp_path / "pipe.json")
     with (tmp_path / "huge.json").open("wb") as file:
         file.truncate(untrusted.LARGEST_JSON + 1)  # takes no room: it is all hole
-    for name, told in (
-        ("none", "No such file"),
-        ("pipe", "a pipe"),
-        ("huge", "more than 671"),
-    ):
+    for name, told in (("none", "No such file"), ("pipe", "a pipe"), ("huge", "more than 671")):
         with pytest.raises(ValueError, match=told):
             untrusted.read_json(tmp_path / f"{name}.json")

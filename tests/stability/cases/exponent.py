@@ -14,13 +14,7 @@ from lime_keras.optics import shininess
 from lime_keras.optics.shininess import BIN_COUNT, BIN_WIDTH
 
 from ..images import pairs
-from ..precisions import (
-    NUMPY_DOUBLE,
-    NUMPY_SINGLE,
-    SINGLE,
-    TENSORS,
-    Precision,
-)
+from ..precisions import NUMPY_DOUBLE, NUMPY_SINGLE, SINGLE, TENSORS, Precision
 from ..refusals import refusal
 
 _EVEN = np.zeros(BIN_COUNT)

@@ -9,14 +9,7 @@ from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import colour, dichromatic
 
 from .. import srgb_standard
-from ..precisions import (
-    NUMPY_DOUBLE,
-    NUMPY_SINGLE,
-    ROUNDINGS,
-    SINGLE,
-    XLA,
-    Precision,
-)
+from ..precisions import NUMPY_DOUBLE, NUMPY_SINGLE, ROUNDINGS, SINGLE, XLA, Precision
 
 _SIDE = 6
 _LEAST_CHROMA = 1e-3  # mean chroma below which an image has no hue

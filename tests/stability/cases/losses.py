@@ -86,13 +86,7 @@ def _masked_mean(mask: np.ndarray, precision: Precision) -> Outcome:
     """Try the masked mean of values that are NaN outside the mask."""
     levels = [x for x in (0.0, 1.0, -1e4, 65504.0, 1e30) if precision.holds(x)]
     values = np.where(mask > 0, fields(levels), np.nan)
-    return judged(
-        _mean,
-        _masked_mean_reference,
-        precision,
-        values,
-        repeated(mask, len(levels)),
-    )
+    return judged(_mean, _masked_mean_reference, precision, values, repeated(mask, len(levels)))
 
 
 def _masked_mean_reference(

@@ -146,11 +146,7 @@ def _layers(precision: Precision) -> Outcome:
     # Like the library's function, the reference is in single precision for arguments of any type.
     rounded = [precision.rounded(light[0])] * 3
     matte, shiny = (_maps(SINGLE, rounded, 30.0, *ends) for ends in ((1.0, 0.0), (0.0, 1.0)))
-    slopes = [
-        matte.sum((1, 2)),
-        shiny.sum((1, 2, 3)),
-        np.full(3, 3 * library.disc(_SIZE).sum()),
-    ]
+    slopes = [matte.sum((1, 2)), shiny.sum((1, 2, 3)), np.full(3, 3 * library.disc(_SIZE).sum())]
     pixels = 3 * _SIZE**2
     compared = [
         precision.compare(gradient, slope, slope, slope, terms=pixels)

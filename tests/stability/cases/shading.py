@@ -61,12 +61,7 @@ def _specular(light: str, precision: Precision, s: float) -> Outcome:
 
 
 def slow_specular(
-    n: np.ndarray,
-    o: np.ndarray,
-    s: float,
-    i: np.ndarray,
-    energy: np.ndarray,
-    precision: Precision,
+    n: np.ndarray, o: np.ndarray, s: float, i: np.ndarray, energy: np.ndarray, precision: Precision
 ) -> tuple[float, float]:
     """Return S of one pixel, and the sum of its terms' magnitudes times their condition numbers.
 
