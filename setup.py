@@ -47,12 +47,7 @@ EXTRAS = {
 }
 
 # The site of the documentation.
-DOCS = [
-    "sphinx>=8.1,<10",
-    "furo>=2025.9,<2027",
-    "myst-parser>=4,<6",
-    "sphinx-copybutton>=0.5.2,<1",
-]
+DOCS = ["sphinx>=8.1,<10", "furo>=2025.9,<2027", "myst-parser>=4,<6", "sphinx-copybutton>=0.5.2,<1"]
 
 # examples/first_material.ipynb.
 NOTEBOOK = ["ipywidgets>=8.1,<9"]

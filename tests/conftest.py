@@ -3,6 +3,7 @@
 import dataclasses
 import fcntl
 import functools
+import gc
 import json
 import os
 import shutil
@@ -266,3 +267,8 @@ def _saved(folder, architecture, seed):
             network.get_layer("albedos").bias.assign([0.5] * 4)
     weights.save(folder, architecture, subnetworks)
     export(folder.parent, GRAPHS, folder)
+
+
+def pytest_collection_finish():
+    """Spare the garbage collector what was imported, which it would walk through each time."""
+    gc.freeze()

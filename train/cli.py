@@ -484,8 +484,6 @@ def config_of(options: argparse.Namespace) -> Any:
 
 def _overrides(options: argparse.Namespace) -> dict[str, Any]:
     """Return the fields of the config that the options set, by their dotted names."""
-    from . import initial_weights
-
     fields = {field: getattr(options, option) for option, field in _OPTIONS.items()}
     put_in, left_out = set(getattr(options, "with") or ()), set(options.without or ())
     if both := sorted(put_in & left_out):
@@ -496,7 +494,7 @@ def _overrides(options: argparse.Namespace) -> dict[str, Any]:
     fields |= {_PARTS[part]: True for part in put_in} | {_PARTS[part]: False for part in left_out}
     fields |= {_PARTS[part]: False for part in lacking}
     if options.start_from is not None:
-        fields["begun_from"] = initial_weights.sha256(options.start_from)
+        fields["begun_from"] = model_folder.digest(options.start_from)
     if options.cutouts is not None:
         from .photos import cutouts
 

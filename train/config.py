@@ -33,8 +33,8 @@ class Config:
         photos: largest number of photos that a stage learns from (`train.photos`).
         compositing: whether the loss of the albedos contains Eq. 5.
         precision: precision in which the subnetworks compute, a key of `precision.POLICIES`.
-        begun_from: hash of the trained model whose weights the run begins with
-            (`initial_weights.sha256`); None for fresh weights.
+        begun_from: digest of the trained model whose weights the run begins with
+            (`model.folder.digest`); None for fresh weights.
         materials: laws of the materials (`optics.material_law`), any of which each scene's follows;
             None for those that a corpus was rendered by, and `uniform` wherever they are drawn.
         frozen: subnetworks that keep the weights that the run begins with; None if all are trained.

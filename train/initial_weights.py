@@ -1,6 +1,5 @@
 """The weights of a trained model that a run begins with, in place of fresh weights."""
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -8,21 +7,8 @@ import keras
 import numpy as np
 from keras import ops
 
-from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks.architecture import ENCODER_BLOCKS
-
-
-def sha256(model: Path) -> str:
-    """Return a hash that identifies a trained model: of all its files.
-
-    Raises:
-        FileNotFoundError: if the folder holds no model.
-    """
-    digest = hashlib.sha256()
-    for path in model_folder.files(model):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 def load(model: Path | None, subnetworks: Mapping[str, keras.Model]) -> list[str]:

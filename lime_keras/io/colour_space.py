@@ -8,7 +8,7 @@ gamma and chromaticities. Files that say nothing are sRGB, those of radiance lin
 import io
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,7 @@ class Conversion:
 
     convert: Curve
     is_identity: bool = False
-    cautions: tuple[Caution, ...] = field(default=())
+    cautions: tuple[Caution, ...] = ()
 
 
 def linear(values: np.ndarray) -> np.ndarray:
@@ -156,15 +156,8 @@ def matrix(chromaticities: tuple[float, ...]) -> np.ndarray:
 
 
 def _unknown(reason: str) -> Conversion:
-    return Conversion(
-        _repeated,
-        is_identity=True,
-        cautions=(
-            Caution(
-                "colours-unknown", f"its colours are read as sRGB, but {reason}: convert it to sRGB"
-            ),
-        ),
-    )
+    message = f"its colours are read as sRGB, but {reason}: convert it to sRGB"
+    return Conversion(_repeated, is_identity=True, cautions=(Caution("colours-unknown", message),))
 
 
 def _repeated(colours: np.ndarray) -> np.ndarray:

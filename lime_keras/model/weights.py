@@ -18,8 +18,6 @@ from lime_keras.model import folder as model_folder
 from lime_keras.networks import Architecture, build, subnetwork_names
 
 _LEAST_COMPRESSED = 256  # number of values from which on it is worth to compress an array
-_RETIRED = ("encoder_convolutions", 1), ("trunk", False)
-"""Settings of models of before that this version does without, with values that change nothing."""
 _OVERHEAD = 8192  # largest number of bytes for each array of a weights file beside its values
 
 
@@ -95,8 +93,7 @@ def read_architecture(model: Path) -> Architecture:
     description = model / model_folder.ARCHITECTURE
     model_folder.check_present(model, description)
     with untrusted.naming(description, "an architecture of this version", "train again"):
-        settings = untrusted.read_json(description).items()
-        return Architecture(**dict(one for one in settings if one not in _RETIRED))
+        return Architecture(**untrusted.read_json(description))
 
 
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:

@@ -18,11 +18,12 @@ from lime_keras import metrics, networks
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.io import locking
+from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, subnetwork_names
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
-from lime_keras.train import cli, initial_weights, stage_model, stage_training, terms, trainer
+from lime_keras.train import cli, stage_model, stage_training, terms, trainer
 from lime_keras.train.config import Config, claim, config_path, corpus_sha256
 from lime_keras.train.data import Data
 from lime_keras.train.devices import Devices
@@ -337,7 +338,7 @@ def test_a_run_begins_with_what_another_has_trained_yet(corpus, config, tmp_path
     some = tmp_path / "some"
     untrained = trainer.train([corpus], some, config, _ignore, only=["specular", "segmentation"])
     assert untrained == ["mirror", "exponent", "albedo"]
-    on = dataclasses.replace(config, begun_from=initial_weights.sha256(some))
+    on = dataclasses.replace(config, begun_from=model_folder.digest(some))
     seen = _first_weights(corpus, tmp_path / "run", on, start_from=some)
     _, trained = weights.load(some, whole=False)
     assert sorted(trained) == ["segmentation", "specular"]
@@ -391,7 +392,7 @@ def _first_weights(corpus, run, config, **options):
 def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_path):
     given = tmp_path / "given"
     shutil.copytree(finished / "model", given)
-    on = dataclasses.replace(config, begun_from=initial_weights.sha256(given))
+    on = dataclasses.replace(config, begun_from=model_folder.digest(given))
     run = tmp_path / "run"
     seen = _first_weights(corpus, run, on, start_from=given)
     for found, expected in zip(
@@ -416,7 +417,7 @@ def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_
 
 def test_at_another_size_all_subnetworks_go_on(corpus, config, finished, tmp_path, capsys):
     larger = dataclasses.replace(TINY, size=64)
-    digest = initial_weights.sha256(finished)
+    digest = model_folder.digest(finished)
     on = dataclasses.replace(config, architecture=larger, begun_from=digest)
     corpus_of_64 = write_split(tmp_path / "corpus", "train", [range(3), range(3, 5)], size=64)
     on = dataclasses.replace(on, corpus_sha256=corpus_sha256([corpus_of_64]))
@@ -426,7 +427,7 @@ def test_at_another_size_all_subnetworks_go_on(corpus, config, finished, tmp_pat
 
 def test_a_model_of_which_nothing_fits_is_refused(corpus, config, finished, tmp_path):
     wider = dataclasses.replace(TINY, unet_width=3, encoder_width=3)
-    digest = initial_weights.sha256(finished)
+    digest = model_folder.digest(finished)
     on = dataclasses.replace(config, architecture=wider, begun_from=digest)
     with pytest.raises(ValueError, match=r"none of the subnetworks .* has the layers"):
         trainer.train([corpus], tmp_path, on, _ignore, start_from=finished)
@@ -434,7 +435,7 @@ def test_a_model_of_which_nothing_fits_is_refused(corpus, config, finished, tmp_
 
 def test_another_beginning_is_another_run(corpus, config, finished, tmp_path):
     shutil.copytree(finished, tmp_path / "run")
-    on = dataclasses.replace(config, begun_from=initial_weights.sha256(finished))
+    on = dataclasses.replace(config, begun_from=model_folder.digest(finished))
     with pytest.raises(ValueError, match="begun_from None there"):
         trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=finished)
 
@@ -853,7 +854,7 @@ def _equal(one, other):
 @pytest.mark.slow
 def test_frozen_subnetworks_keep_their_weights(corpus, config, finished, tmp_path):
     held = dataclasses.replace(
-        config, begun_from=initial_weights.sha256(finished), frozen=("specular", "mirror")
+        config, begun_from=model_folder.digest(finished), frozen=("specular", "mirror")
     )
     joined = "specular+mirror+exponent"
     assert [stage.name for stage in trainer.stages_of(held)] == [

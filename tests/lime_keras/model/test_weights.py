@@ -130,12 +130,6 @@ def test_the_weights_of_another_system_are_named(fields, file, tiny, model):
         weights.load(model)
 
 
-def test_retired_settings_that_change_nothing_are_read(tiny, model):
-    text = json.dumps(dataclasses.asdict(tiny) | {"encoder_convolutions": 1, "trunk": False})
-    (model / "architecture.json").write_text(text, encoding="utf-8")
-    assert weights.load(model)[0] == tiny
-
-
 def test_saving_again_replaces_everything(tiny, model):
     wider = dataclasses.replace(tiny, unet_width=3)
     subnetworks = build(wider)
