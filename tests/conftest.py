@@ -272,3 +272,7 @@ def _saved(folder, architecture, seed):
 def pytest_collection_finish():
     """Spare the garbage collector what was imported, which it would walk through each time."""
     gc.freeze()
+
+
+def pytest_sessionfinish():
+    gc.unfreeze()  # or nanobind takes what is left for leaks

@@ -1,5 +1,6 @@
 """SavedModel and ONNX answer as Keras does, or are not left behind."""
 
+import functools
 import json
 import shutil
 
@@ -17,6 +18,7 @@ from lime_keras.model import weights
 from lime_keras.networks import assemble, output_names
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime import onnx_graphs
+from lime_keras.runtime.keras_engine import KerasEngine
 from lime_keras.runtime.saved_model import SERVED, SavedModel
 
 FORMATS = ("savedmodel", "onnx")
@@ -279,11 +281,17 @@ def test_the_command_names_what_an_ablation_answers(
     assert export_cli.main([*arguments, "--only", ",".join(known)]) == 0
 
 
-# A wrong model is refused. Files stand in for SavedModels, which take seconds to write.
+# A wrong model is refused. Files stand in for SavedModels, which take seconds to write, and what
+# they are compared with is loaded once.
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    return functools.cache(KerasEngine)
 
 
 @pytest.fixture
-def stand_in(monkeypatch):
+def stand_in(loaded, monkeypatch):
     """A function that sets what becomes of Keras' answer in the written model."""
 
     def change_answers(change, signature=None, seen=None):
@@ -319,6 +327,7 @@ def stand_in(monkeypatch):
 
         monkeypatch.setattr(formats, "write_saved_model", write)
         monkeypatch.setattr(exporter, "SavedModel", Written)
+        monkeypatch.setattr(exporter, "KerasEngine", loaded)
 
     return change_answers
 
@@ -329,26 +338,13 @@ def left_in(folder):
     return {base.name: (base / "1" / "outputs").read_text() for base in folder.iterdir()}
 
 
-def one_pixel(answer):
-    out = np.zeros_like(answer["mask"])
-    out[-1, -1, -1] = 1
-    return out
+def half_a_per_cent(answer):
+    return answer | {"specular_albedo": answer["specular_albedo"] + 0.005}
 
 
-WRONG = {
-    "a value": lambda answer: answer | {"specular_albedo": answer["specular_albedo"] + 0.01},
-    "one pixel": lambda answer: answer | {"mask": answer["mask"] + 0.01 * one_pixel(answer)},
-    "not a number": lambda answer: answer | {"mask": answer["mask"] * np.nan},
-    "a missing output": lambda answer: {k: v for k, v in answer.items() if k != "mask"},
-    "another output": lambda answer: answer | {"normal": answer["mask"]},
-    "a shape": lambda answer: answer | {"mask": answer["mask"][:1]},
-}
-
-
-@pytest.mark.parametrize("change", WRONG.values(), ids=WRONG)
-def test_a_model_that_answers_otherwise_is_refused(change, tiny_model, tmp_path, stand_in):
-    stand_in(change, signature=SERVED)
-    with pytest.raises(parity.ParityError, match=r"differs from Keras|outputs|not finite"):
+def test_a_model_that_answers_otherwise_is_refused(tiny_model, tmp_path, stand_in):
+    stand_in(half_a_per_cent, signature=SERVED)
+    with pytest.raises(parity.ParityError, match=r"differs from Keras.*specular_albedo"):
         exporter.export(tmp_path, "savedmodel", tiny_model)
     assert list(tmp_path.iterdir()) == []
 
@@ -372,7 +368,7 @@ def test_a_refused_or_failing_export_leaves_the_last_good_one(
 ):
     stand_in(lambda answer: answer)
     exporter.export(tmp_path, "savedmodel", tiny_model, ["mask"])
-    stand_in(WRONG["a value"])
+    stand_in(half_a_per_cent)
     with pytest.raises(parity.ParityError):
         exporter.export(tmp_path, "savedmodel", tiny_model, ["specular_albedo"])
     with pytest.raises(parity.ParityError):
