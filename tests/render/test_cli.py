@@ -230,6 +230,7 @@ def test_looking_at_nothing_is_an_error(tmp_path, capsys):
         (["--count", "0"], "0 is not at least 1"),
         (["--count", "1", "--seed", "-1"], "-1 is not in 0"),
         (["--count", "1", "--size", "100"], "100 is not a multiple of 32"),
+        (["--count", "1", "--endless", "1.5"], "1.5 is not in 0 … 1"),
         (["--count", "1", "--size", "large"], "invalid"),
         (["--count", "1", "--split", "valid"], "invalid choice"),
         ([], "required: --count"),

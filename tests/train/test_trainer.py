@@ -688,6 +688,8 @@ def test_the_commands_ablations(corpus, tmp_path):
     assert not neither.compositing and not neither.architecture.mirror
     assert config("--exponent", "regression").architecture.exponent == "regression"
     assert config("--baseline", "reflectance-map").architecture.system == "reflectance-map"
+    with pytest.raises(ValueError, match=r"the preset paper shows the materials that .* holds"):
+        config("--materials", "natural")
     assert config("--precision", "bfloat16").precision == "bfloat16"
     larger = dataclasses.replace(SCHEDULES["paper"], batch_size=256)
     assert config("--batch-size", "256").schedule == larger

@@ -443,11 +443,15 @@ def test_a_photo_takes_no_video_library(folder, tmp_path):
         (["HERE", "--clone-onto", "HERE"], "needs mitsuba, trimesh, scipy, skimage: pip install"),
         (["HERE", "--up", "z"], "pass one to --clone-onto"),
         (["HERE", "--shadow"], "pass one to --clone-onto"),
+        (["HERE", "CLIP", "--mask", "HERE"], "clip.mp4 is a video: leave one out"),
+        (["HERE", "--normals", "HERE", "--only", "albedo"], "leave out --only"),
     ],
-    ids=["photo", "mask", "weights", "clone", "up", "shadow"],
+    ids=["photo", "mask", "weights", "clone", "up", "shadow", "mask of a video", "part of a light"],
 )
 def test_what_cannot_be_done_is_told_before_anything_is_loaded(arguments, told, folder, tmp_path):
-    given = [str(folder / "a.png") if name == "HERE" else name for name in arguments]
+    there = {"HERE": folder / "a.png", "CLIP": folder / "clip.mp4"}
+    there["CLIP"].write_bytes(b"a clip")
+    given = [str(there.get(name, name)) for name in arguments]
     light = ["numpy", "onnxruntime", "OpenImageIO", "PIL"]
     answer = alone(*given, "--out", tmp_path / "out", light=light)
     assert answer.returncode == 1

@@ -57,6 +57,15 @@ def test_what_was_made_otherwise_is_refused(change, told, tmp_path, photo):
     assert other.existing({"sub/a": lambda: other.provenance(photo, {})}).get("sub/a") is None
 
 
+def test_a_photo_that_went_is_no_conflict_before_its_turn_comes(tmp_path, photo):
+    found = results(tmp_path)
+    write(found, photo, name="a")
+    photo.unlink()
+    assert found.existing({"a": lambda: found.provenance(photo, {})}) == {}
+    places = [Path("a.jpg"), Path("a.png")]
+    assert found.keep_names(["a", "a-2"], [photo, photo], places) == ["a", "a-2"]
+
+
 def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
     found = results(tmp_path)
     write(found, photo, beside={"mask": photo})

@@ -287,6 +287,30 @@ def test_a_profile_keeps_16_bits(content, tmp_path):
     np.testing.assert_allclose(grey, srgb(expected).repeat(3, -1), atol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("kind", "numbers", "expected"),
+    [
+        (0, (2.0,), lambda x: x**2),
+        (1, (2.0, 1.25, -0.25), lambda x: np.where(x >= 0.2, (1.25 * x - 0.25) ** 2, 0)),
+        (2, (2.0, 1.25, -0.25, 0.5), lambda x: np.where(x >= 0.2, (1.25 * x - 0.25) ** 2, 0) + 0.5),
+    ],
+)
+def test_formulas_of_a_profile_are_those_of_icc_1(kind, numbers, expected):
+    """Section 10.18; the curves of sRGB and of cameras are tried with whole profiles."""
+    fixed = [round(number * 65536) for number in numbers]
+    element = b"para" + bytes(4) + struct.pack(f">HH{len(fixed)}i", kind, 0, *fixed)
+    values = np.linspace(0, 1, 41, dtype=np.float32)
+    found = colour_space._curve(element)(values)
+    np.testing.assert_allclose(found, expected(values), atol=2e-5)
+
+
+def test_a_curve_of_another_kind_is_none():
+    with pytest.raises(ValueError, match="neither a table nor a formula"):
+        colour_space._curve(b"mft2" + bytes(8))
+    with pytest.raises(ValueError, match="a formula that is not known"):
+        colour_space._curve(b"para" + bytes(4) + struct.pack(">HH", 5, 0))
+
+
 def test_a_profile_of_tables_is_told_to_cost_bits():
     """One that also has a table counts as one: LittleCMS, which has 8 bits here, converts it."""
     content = profile(GAMMA).replace(b"desc", b"A2B1", 1)

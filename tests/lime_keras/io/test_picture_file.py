@@ -112,6 +112,12 @@ def test_cube_maps_and_formats_that_were_not_fuzzed_are_refused(tmp_path):
         photo.read(tmp_path / "a.dpx")
 
 
+def test_files_that_pillow_does_not_know_are_told_to_be_saved_anew(tmp_path):
+    (tmp_path / "a.avif").write_bytes(bytes(4) + b"ftypavif" + bytes(64))
+    with pytest.raises(ValueError, match=r"a\.avif.*it is AVIF of a kind that is not read: save"):
+        photo.read(tmp_path / "a.avif")
+
+
 def test_every_format_that_is_read_is_damaged_by_the_fuzzer(tmp_path):
     seeds.pictures(tmp_path)
     files = [next(path.iterdir()) for path in tmp_path.iterdir()]

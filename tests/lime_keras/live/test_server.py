@@ -192,6 +192,23 @@ def test_a_fault_of_the_estimate_is_told_and_the_server_goes_on(server, monkeypa
     assert ask(server, "POST", "/estimate", frame(FRAME))[0].status == 200
 
 
+def test_want_of_memory_is_told_and_the_server_goes_on(server, monkeypatch):
+    def full(*_):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(server.session, "process", full)
+        answer, content = ask(server, "POST", "/estimate", frame(FRAME))
+        assert answer.status == 400 and "not enough memory" in json.loads(content)["error"]
+    assert ask(server, "POST", "/estimate", frame(FRAME))[0].status == 200
+
+
+def test_a_source_that_went_is_told(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "source", tmp_path / "gone.mp4")
+    answer, content = ask(server, "GET", "/source")
+    assert answer.status == 404 and json.loads(content)["error"].startswith("gone.mp4: No such")
+
+
 def test_one_frame_is_in_flight(server):
     with server.busy:
         answer, content = ask(server, "POST", "/estimate", frame(FRAME))

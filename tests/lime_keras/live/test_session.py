@@ -58,6 +58,17 @@ def test_the_light_is_that_of_the_photo_in_the_squares_own_pixels(estimator):
     assert first @ second > np.cos(np.radians(20))
 
 
+def test_a_light_that_is_not_found_is_a_warning(estimator, monkeypatch):
+    def fail(*_):
+        raise ValueError("nothing is lit")
+
+    monkeypatch.setattr(guessed_light, "estimate", fail)
+    answer = Session(estimator).process(FRAME, None, FrameRequest(fusion=False))
+    assert "light" not in answer.arrays and answer.numbers["material"]
+    told = {one["code"]: one["message"] for one in answer.numbers["warnings"]}
+    assert told["no-light"] == "no light was found: nothing is lit"
+
+
 def test_a_pixel_of_the_square_looks_where_the_frames_pixel_looks(estimator, monkeypatch):
     seen = []
 

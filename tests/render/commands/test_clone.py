@@ -26,3 +26,9 @@ def test_the_mesh_stands_as_the_options_say(words, up, shadow, monkeypatch, tmp_
     assert (changing["up"] or "y", changing["shadow"]) == (up, shadow)
     make_clone()("photo", "mask")
     assert rendered == {"mesh_path": mesh, "up": up, "shadow": shadow}
+
+
+def test_a_mesh_that_is_none_is_told(tmp_path, capsys):
+    for mesh in (tmp_path, tmp_path / "none.ply"):
+        assert clone.main(["cup.jpg", "--clone-onto", str(mesh)]) == 1
+        assert f"{mesh} is no file: pass a mesh to --clone-onto" in capsys.readouterr().err

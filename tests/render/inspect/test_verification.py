@@ -372,7 +372,10 @@ def test_a_sidecar_that_is_gone_is_told(corpus):
     assert kinds(verify(corpus)) == {"file": 1}
 
 
-def test_a_split_of_another_description_is_told(corpus):
+def test_a_split_without_or_of_another_description_is_told(corpus):
+    (corpus / "train" / "description.json").rename(corpus / "kept.json")
+    assert kinds(verify(corpus)) == {"file": 1}
+    (corpus / "kept.json").rename(corpus / "train" / "description.json")
     edit(corpus / "train" / "description.json", seed=3)
     assert kinds(verify(corpus)) == {"manifest": 1}
     shutil.copy(corpus / "test" / "manifest.json", corpus / "train" / "manifest.json")

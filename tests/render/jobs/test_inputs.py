@@ -138,6 +138,23 @@ def test_reasons_are_told_without_the_folder(tmp_path, kind, name, make, reason)
     assert not finding.problem.startswith(str(tmp_path))
 
 
+@pytest.mark.parametrize(
+    ("fails", "error", "reason"),
+    [
+        ((inputs.untrusted, "sha256"), OSError(5, "Input/output error"), "cannot be read: Input/"),
+        ((inputs, "_notes"), MemoryError(), "is too large for this machine's memory."),
+    ],
+    ids=["disk", "memory"],
+)
+def test_what_the_machine_lacks_is_told_with_the_file(fails, error, reason, tmp_path, monkeypatch):
+    def fail(*_):
+        raise error
+
+    trimesh.creation.box().export(tmp_path / "box.ply")
+    monkeypatch.setattr(*fails, fail)
+    assert inputs.check("shapes", tmp_path / "box.ply").problem.startswith(reason)
+
+
 def test_a_name_that_is_no_text_is_told(tmp_path):
     path = tmp_path / "caf\udce9.obj"
     trimesh.creation.box().export(tmp_path / "box.obj")

@@ -195,6 +195,49 @@ def test_a_part_in_another_file_is_told(tmp_path):
         meshes.read(path)
 
 
+def test_normals_stay_at_right_angles_to_what_is_stretched(tmp_path):
+    """A plane that leans by one in one; two times as wide, it leans by one in two."""
+    glb = Glb(np.array([[0, 0, 0], [1, 0, -1], [0, 1, 0], [1, 1, -1]], "<f4"))
+    normals = np.full((4, 3), np.sqrt(0.5)) * [1, 0, 1]
+    glb.primitive["attributes"]["NORMAL"] = glb.add(normals.astype("<f4"))
+    faces = np.array([[0, 1, 2], [1, 3, 2]], "<u2")
+    glb.primitive["indices"] = glb.add(faces.reshape(-1, 1))
+    glb.document["nodes"][0] |= {"scale": [2, 1, 1], "rotation": [0, 1, 0, 0]}
+    _, _, found, _ = gltf.read(glb.write(tmp_path / "a.glb").read_bytes())
+    found = found[np.isfinite(found).all(1)]
+    assert len(found) == 4
+    # Half a turn about y has turned them.
+    expected = np.array([-1, 0, -2]) / np.sqrt(5)
+    np.testing.assert_allclose(
+        found / np.linalg.norm(found, axis=1, keepdims=True), expected[None].repeat(4, 0), atol=1e-6
+    )
+
+
+def compressed(glb):
+    glb.document["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {}}
+
+
+def nowhere(glb):
+    del glb.document["accessors"][0]["bufferView"]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [(compressed, "are compressed"), (nowhere, "lie nowhere"), (instanced, "shows 3 instances")],
+)
+def test_shapes_that_cannot_be_read_are_told(change, told, tmp_path, monkeypatch):
+    glb = Glb()
+    change(glb)
+    monkeypatch.setattr(gltf, "_MOST_INSTANCES", 2)
+    with pytest.raises(ValueError, match=rf"a\.glb: .*{told}"):
+        meshes.read(glb.write(tmp_path / "a.glb"))
+
+
+def test_a_file_without_a_document_is_told():
+    with pytest.raises(ValueError, match="holds no document"):
+        gltf.read(gltf._MAGIC + struct.pack("<I", 12))
+
+
 @pytest.mark.parametrize("damage", ["count", "offset", "view", "loop", "type"])
 def test_damaged_documents_are_named(damage, tmp_path):
     glb = Glb()
