@@ -114,11 +114,7 @@ def _add_measurements(command: argparse.ArgumentParser) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run `lime-eval` and return its exit status.
-
-    Args:
-        argv: arguments after the command's name (default: those of the process).
-    """
+    """Run `lime-eval` and return its exit status."""
     arguments = sys.argv[1:] if argv is None else argv
     options = _checked(parser(), arguments)
     command = shlex.join(["lime-eval", *arguments])
@@ -185,7 +181,3 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
         failed = not as_expected
     print(f"wrote {sections.write_report(out)}", file=sys.stderr)
     return 1 if failed else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

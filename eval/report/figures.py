@@ -53,15 +53,8 @@ def reliability(rows: Mapping[str, np.ndarray]) -> bytes:
     known = count > 0
     # 95 % interval of a share of n examples, by the normal approximation.
     spread = 1.96 * np.sqrt(right * (1 - right) / np.maximum(count, 1))
-    curve.errorbar(
-        confidence[known],
-        right[known],
-        spread[known],
-        color=ACCENT,
-        marker="o",
-        markersize=4,
-        linewidth=1.2,
-    )
+    shown = (values[known] for values in (confidence, right, spread))
+    curve.errorbar(*shown, fmt="o-", color=ACCENT, markersize=4, linewidth=1.2)
     curve.set(xlim=(0, 1), ylim=(0, 1), ylabel="share in the right bin")
     centres = (np.arange(calibration.BINS) + 0.5) / calibration.BINS
     counts.bar(centres, count, width=0.9 / calibration.BINS, color=ACCENT, alpha=0.6)

@@ -10,8 +10,6 @@ from lime_keras.io import untrusted
 SPLITS = ("train", "test")
 LOBES = ("furnace", "printed")
 """Lobes of S: normalised to the white furnace, or Eq. 3 as printed (`shading.lobe_factor`)."""
-_READ = {"lights": (1,), "shading": LOBES}
-"""Options that corpora are or were rendered with, and the values of each that are still read."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +151,10 @@ class Split:
     @property
     def lobe(self) -> str:
         """The lobe of S, one of `corpus.LOBES`, which decides the unit of m_s."""
-        return self._described("shading", str, LOBES[0])
+        lobe = self._described("shading", str, LOBES[0])
+        if lobe not in LOBES:
+            raise ValueError(f"{self.folder} has a lobe {lobe}, which is not read: render it again")
+        return lobe
 
     @property
     def is_plain(self) -> bool:
@@ -168,12 +169,6 @@ class Split:
 
     def _described(self, name: str, kind: type, absent: Any = None) -> Any:
         description = self._recorded("description", dict)
-        for option, values in _READ.items():
-            if description.get(option, values[0]) not in values:
-                raise ValueError(
-                    f"{self.folder} was rendered with --{option} {description[option]}, which is "
-                    "no longer read: render it again without"
-                )
         return self._checked(description.get(name, absent), kind, f"description.{name}")
 
     def _texts(self, name: str) -> list[str]:

@@ -72,12 +72,8 @@ def text(name: str, parts: Sequence[Split]) -> str:
 
 
 def is_built_in(part: Split) -> bool:
-    """Return whether no file of a user is in a split, not even through a bank, as there once was.
-
-    Raises:
-        ValueError: if its manifest is broken.
-    """
-    return not any(part.inputs.values()) and "bank" not in part.manifest["description"]
+    """Return whether no file of a user is in a split; ValueError if its manifest is broken."""
+    return not any(part.inputs.values())
 
 
 def _file(path: str, digest: str) -> dict[str, Any]:

@@ -269,17 +269,6 @@ def test_corpora_are_learnt_from_together(corpus, config, tmp_path, nudged):
         trainer.train([corpus], run, config, _ignore)
 
 
-def test_a_corpus_in_another_unit_is_refused(corpus, config, tmp_path):
-    other = write_split(tmp_path / "literal", "train", [range(2), range(2)], seed=1)
-    path = other / "train" / "manifest.json"
-    manifest = json.loads(path.read_text(encoding="utf-8"))
-    manifest["description"]["shading"] = "literal"
-    path.write_text(json.dumps(manifest), encoding="utf-8")
-    with pytest.raises(ValueError, match="literal/train was rendered with --shading literal"):
-        trainer.train([corpus, other], tmp_path / "run", config, _ignore)
-    assert not (tmp_path / "run").exists()
-
-
 def test_a_finished_run_is_not_trained_again(corpus, config, finished):
     seen = []
     trainer.train([corpus], finished, config, seen.append)

@@ -10,7 +10,7 @@ DESCRIPTION = {"size": 64, "shard_size": 1, "shading": "furnace"}
 
 
 def write(folder, split, count, **manifest):
-    (folder / split).mkdir()
+    (folder / split).mkdir(parents=True)
     written = Split(folder, split)
     for shard in range(count):
         written.shard_path(shard).touch()
@@ -64,23 +64,15 @@ def test_the_last_shard_may_be_short(tmp_path, examples):
     assert len(split.shard_paths()) == 2
 
 
-@pytest.mark.parametrize(("option", "value"), [("lights", 3), ("shading", "literal")])
-def test_a_split_of_an_option_that_is_gone_is_refused_by_name(tmp_path, option, value):
-    split = write(tmp_path, "train", 2, description=DESCRIPTION | {option: value})
-    refused = rf"{split.folder} was rendered with --{option} {value}, .*: render it again without"
-    for read in (split.shard_paths, lambda: split.size, lambda: split.seed):
-        with pytest.raises(ValueError, match=refused):
-            read()
-    one = write(tmp_path, "test", 2, description=DESCRIPTION | {"lights": 1})
-    assert len(one.shard_paths()) == 2
-
-
 def test_the_lobe_is_told_and_was_the_furnaces_where_a_description_does_not_say(tmp_path):
     for split, said, lobe in (
         ("train", {}, "furnace"),
         ("test", {"shading": "printed"}, "printed"),
     ):
         assert write(tmp_path, split, 1, description=said).lobe == lobe
+    literal = write(tmp_path / "other", "test", 1, description={"shading": "literal"})
+    with pytest.raises(ValueError, match=rf"{literal.folder} has a lobe literal, .*: render it"):
+        _ = literal.lobe
 
 
 def test_a_split_without_its_manifest_names_the_command(tmp_path):

@@ -101,15 +101,9 @@ def test_somebodys_own_card_is_kept(corpus):
 
 
 @pytest.mark.parametrize(
-    ("change", "licence"),
-    [
-        ({}, "mit"),
-        ({"inputs": {"shapes": {"mine.ply": "c" * 64}}}, "other"),
-        ({"description": {"split": "train", "size": 64, "bank": "d" * 64}}, "other"),
-    ],
+    ("change", "licence"), [({}, "mit"), ({"inputs": {"shapes": {"mine.ply": "c" * 64}}}, "other")]
 )
 def test_only_what_is_built_in_has_a_licence(tmp_path, change, licence):
-    """Scenes of a bank, which older corpora hold, may show anything."""
     folder = tmp_path / "corpus"
     split(folder, "train", **change)
     cards.write(folder)
