@@ -1,6 +1,6 @@
 """Accuracy over what the person with the camera can control: how the answer gets worse.
 
-    python benchmarks/degradation.py CORPUS --weights live uniform --out degradation
+    python benchmarks/degradation.py CORPUS --weights best --out degradation --record degradation
 
 CORPUS has a test split. Of the same scenes, each knob makes ten photos: the size of the object in
 the photo, JPEG quality, exposure, white balance, and the error of a given mask. Prints a table, and
@@ -15,6 +15,7 @@ from pathlib import Path
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+import record
 import scenes
 from PIL import Image
 from tqdm import tqdm
@@ -27,6 +28,7 @@ from lime_keras.train.photos import paint
 
 matplotlib.use("Agg")
 
+CODE = 1
 MEASURES = ("log10 s", "right or neighbouring bin", "m_d", "m_s", "IoU")
 
 
@@ -104,13 +106,15 @@ def main() -> None:
     options.add_argument("--count", type=console.count, default=160)
     options.add_argument("--knobs", nargs="+", choices=KNOBS, default=list(KNOBS))
     options.add_argument("--out", type=Path, default=Path("degradation"))
+    record.add_option(options)
     arguments = options.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     chosen = list(scenes.scenes(arguments.corpus, "test", count=arguments.count))
     found: dict[str, dict[str, np.ndarray]] = {}
+    columns: dict[str, dict[str, record.Figure]] = {}
     tables = []
     for weights in arguments.weights:
-        estimator = Estimator(weights)
+        estimator, of_weights = Estimator(weights), columns.setdefault(weights, {})
         for knob in arguments.knobs:
             turn, settings = KNOBS[knob]
             rows = [
@@ -118,6 +122,10 @@ def main() -> None:
                 for to in tqdm(settings, desc=f"{weights}, {knob}", unit="setting")
             ]
             found.setdefault(knob, {})[weights] = np.array(rows)
+            for to, row in zip(settings, rows, strict=True):
+                for measure, value in zip(MEASURES, row, strict=True):
+                    figure = record.Figure(float(value), None, len(chosen))
+                    of_weights[f"{knob} {to:g}, {measure}"] = figure
             lines = [
                 [f"{to:g}", *(f"{value:.3f}" for value in row)]
                 for to, row in zip(settings, rows, strict=True)
@@ -127,6 +135,10 @@ def main() -> None:
     (arguments.out / "degradation.md").write_text(text + "\n", encoding="utf-8")
     print(text)
     _draw(found, arguments.out / "degradation.png")
+    if arguments.record:
+        record.write(
+            arguments.record, columns, code=CODE, weights=arguments.weights, corpus=arguments.corpus
+        )
 
 
 def _measured(

@@ -18,6 +18,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import record
 from tqdm import tqdm
 
 from lime_keras import console
@@ -31,6 +32,7 @@ from lime_keras.video import cuts
 from lime_keras.video.fusion import Fusion
 from lime_keras.video.tracking import parameters
 
+CODE = 1
 _DISTANCE = 6.0
 _FILL = 0.8
 """Share of the image's width that the object's bounding sphere fills: the object can turn without
@@ -42,6 +44,7 @@ _PARAMETERS = {
     "log10 exponent": slice(4, 5),
 }
 _HEAD = ("parameter", "variance, raw", "fused", "error, raw", "fused", "fused, last frame")
+_NAMES = ("raw variance", "fused variance", "raw error", "fused error", "last error")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,6 +80,17 @@ def main() -> None:
         for name, row in means.items()
     ]
     print(f"\n{aligned([_HEAD, *lines])}\n\n{distances(sequences)}")
+    if arguments.record:
+        count = sum(len(sequence.frames) for sequence in sequences)
+        columns = {
+            name: {
+                measure: record.Figure(float(value), None, count)
+                for measure, value in zip(_NAMES, row, strict=True)
+            }
+            for name, row in means.items()
+        }
+        weights = [str(arguments.weights)]
+        record.write(arguments.record, columns, code=CODE, weights=weights)
 
 
 def render(arguments: argparse.Namespace, number: int) -> Sequence:
@@ -170,6 +184,7 @@ def _arguments() -> argparse.Namespace:
     options.add_argument("--frames", type=int, default=40, help="of each (default: 40)")
     options.add_argument("--size", type=int, default=128, help="in pixels (default: 128)")
     options.add_argument("--seed", type=int, default=0, help="(default: 0)")
+    record.add_option(options)
     return options.parse_args()
 
 
