@@ -272,6 +272,7 @@ def _saved(folder, architecture, seed):
 def pytest_collection_finish():
     """Spare the garbage collector what was imported, which it would walk through each time."""
     gc.freeze()
+    gc.set_threshold(100_000, 50, 50)  # tracing networks makes many objects, and few circles
 
 
 def pytest_sessionfinish():
