@@ -25,7 +25,7 @@ CHOICE = variants.choose()
 variants.activate(CHOICE, threads=1)
 
 # Beside other work an example may take any time, so none is a failure for its time.
-hypothesis.settings.register_profile("shared machine", deadline=None)
+hypothesis.settings.register_profile("shared machine", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("shared machine")
 
 LONGEST = (

@@ -15,7 +15,9 @@ from lime_keras.train.stages import SCHEDULES, Schedule
 @pytest.mark.parametrize(
     "backend, expected",
     [
-        ("jax", "making photos needs tensorflow: pip install"),
+        pytest.param(
+            *("jax", "making photos needs tensorflow: pip install"), marks=pytest.mark.slow
+        ),
         ("tensorflow", "this command needs tensorflow: pip install"),
     ],
 )
