@@ -1,4 +1,4 @@
-"""The paper's losses (section 5, with Eq. 5), each one number per example: shape `(B,)`.
+"""The losses: those of the paper (section 5, Eq. 5), and those in their place; `(B,)` each.
 
 The arguments are Keras tensors, with the examples along the first axis. The caller reduces each
 loss over the batch and weights the losses. Shapes and ranges are not checked: a shape that does not

@@ -1,4 +1,4 @@
-"""The measures of Table 1: functions for each example's error.
+"""The measures of Table 1, and of the layers: functions for each example's error.
 
 They return one number per example, `(B,)`, of NumPy arrays; those that training's validation uses
 take Keras tensors, too. Shapes are not checked: a shape that does not fit raises an error of NumPy

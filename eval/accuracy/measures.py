@@ -1,4 +1,4 @@
-"""The measures of Table 1, with their bootstrap intervals and their reference values.
+"""The measures of Table 1 and of the layers, with bootstrap intervals and reference values.
 
 Every measure is a function of the means of some columns, so one bootstrap serves all measures.
 """

@@ -34,7 +34,7 @@ A scene whose object is made shorter has a diffuse albedo off by 0.13 and more, 
 0.12 decades and more, in the median: more than the networks' own errors on smooth objects.
 """
 LARGEST_PART = 0.9
-"""Share of a mask from which its largest part counts as the whole.
+"""Smallest share of a mask that its largest part has; below it, the object may be in parts.
 
 The rendered scene and the three photographs that stay below have parts of the object missing.
 """

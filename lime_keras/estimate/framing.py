@@ -1,8 +1,8 @@
 """The square of a photo that the networks see, and resampling into this square and back.
 
-The networks were trained on objects that fill 0.55 to 0.92 of the frame around its middle
-(render/scene/sampling.py). First they see the whole photo. If the object found there is smaller,
-they see a square around it.
+The networks expect an object that fills 0.55 to 0.92 of the frame around its middle, as test images
+have it (`NARROW` in render/scene/sampling.py; training draws more widely). First they see the whole
+photo. If the object found there is smaller, they see a square around it.
 """
 
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 
 from lime_keras.optics import colour
 
-FILL = 0.73  # share of a square's side that the object fills: the middle of the range in training
+FILL = 0.73  # share of a square's side that the object fills, as in the middle test image
 _SMALLEST_FILL = 0.5  # share of a square's side below which the networks see a smaller square
 _PART = 2**22  # pixels of a square that are padded and averaged at a time
 THRESHOLD = 0.5  # smallest coverage, in [0, 1], of a pixel that belongs to the object

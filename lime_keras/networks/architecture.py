@@ -122,7 +122,7 @@ _LIVE = Architecture(
 PRESETS = {
     # Small enough that all stages train in minutes on two cores, without the pretrained weights.
     "smoke": replace(_LIVE, unet_width=12, dense_width=64, pretrained=False),
-    # For every frame of a fast camera: in ONNX Runtime a quarter of the time of `live`. Encoders
+    # For every frame of a fast camera: in ONNX Runtime a third of the time of `live`. Encoders
     # cost little at any width.
     "nano": replace(_LIVE, size=64, unet_width=8),
     # For video (docs/explanation/decisions.md).

@@ -146,7 +146,7 @@ def with_hue_of_pixels(diffuse_albedo: Any, masked_image: Any) -> Any:
 def with_saturation_of_pixels(
     diffuse_albedo: np.ndarray, image: np.ndarray, mask: np.ndarray
 ) -> np.ndarray:
-    """Return an albedo at least as saturated as half of the object's pixels; its mean stays.
+    """Raise an albedo's saturation to the median of the object's pixels; its mean stays.
 
     What is added to m_d · D in grey light is grey, so m_d is at least as saturated as any pixel.
     Networks, which learn a mean, fall a tenth below (docs/explanation/decisions.md). The albedo

@@ -10,7 +10,7 @@ import numpy as np
 THRESHOLD = 0.25
 """Distance of two frames, in [0, 1], above which a cut may lie between them.
 
-In rendered scenes the distance between cuts stays below an eighth of this threshold
+In rendered scenes the distance between cuts stays below a quarter of this threshold
 (`benchmarks/temporal.py`). After a step of a third of a stop in the camera's exposure it stays
 below the threshold.
 """
@@ -61,12 +61,8 @@ def histogram(image_srgb: np.ndarray) -> np.ndarray:
 
 
 def distance(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the share of pixels, in [0, 1], by which two histograms differ.
+    """Return the share of pixels, in [0, 1], by which two histograms `(3, 16)` differ.
 
     The share is the largest of the three channels' shares.
-
-    Args:
-        one: histogram `(3, 16)` from `histogram`.
-        other: histogram `(3, 16)` from `histogram`.
     """
     return float(np.max(np.sum(np.abs(one - other), axis=1)) / 2)

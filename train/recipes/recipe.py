@@ -75,8 +75,8 @@ class Training:
         photos: largest number of photos that it learns from.
         batch_size: number of examples in a batch.
         materials: laws of the albedos.
-        optimizer: `muon` or `adam`; under `muon` MirrorNet alone is trained by Adam, and so are
-            heads, dense layers and pretrained ones.
+        optimizer: `muon` or `adam`. Under `muon`, a stage of MirrorNet alone is trained by Adam,
+            and so are heads, dense layers and pretrained ones.
         start_from: name of the earlier training, or of the set that comes with the package, whose
             weights it begins with; None for fresh ones.
         freeze: subnetworks that keep these weights.

@@ -91,7 +91,7 @@ MATERIAL = Training(
     start_from="light",
     freeze=("specular", "mirror"),
 )
-"""The encoders, on S as SpecularNet finds it, which stands still."""
+"""The encoders, on S as the frozen SpecularNet predicts it."""
 MIRROR = Training(
     ("specular+mirror",),
     OF_128,
