@@ -7,7 +7,6 @@ from lime_keras import console
 from lime_keras.commands import model_option
 from lime_keras.model import folder as model_folder
 from lime_keras.outputs import OUTPUTS
-from lime_keras.version import __version__
 
 _EXAMPLE = """
 examples:
@@ -18,10 +17,10 @@ examples:
   lime-export small --format graphs --precision int8 --weights live --corpus corpus
   lime-export small --format weights --weights runs/mine
 
-Every file takes `image` (B, S, S, 3), sRGB in [0, 1], any B, and returns the outputs by name. The
-command compares it with Keras on images that it was not made with, and prints the differences: in
-float32 the largest one of each output (relative above 1), else the mean one over the output's mean
-magnitude. Where they are too large, no file is written.
+savedmodel and onnx take `image` (B, S, S, 3), sRGB in [0, 1], any B, and return the outputs by
+name. The command compares every format with Keras on images that it was not made with, and prints
+the differences: in float32 the largest one of each output (relative above 1), else the mean one
+over the output's mean magnitude. Where they are too large, no file is written.
 
   format      writes                 for
   savedmodel  OUT/saved_model/1/     TensorFlow, TensorFlow Serving
@@ -38,14 +37,13 @@ More: docs/how-to/exporting.md.
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
-    out = argparse.ArgumentParser(
+    out = console.parser(
         prog="lime-export",
         usage="lime-export OUT --format {savedmodel,onnx,weights,graphs} [options]",
         description="Write a trained model as TensorFlow SavedModel, as ONNX, as weights of half "
         "the size, or as the graphs that lime-estimate runs, and check that it gives the same "
         "answers.",
         epilog=_EXAMPLE,
-        formatter_class=console.Help,
     )
     inputs = out.add_argument_group("input")
     model_option.add(inputs)
@@ -77,7 +75,6 @@ def parser() -> argparse.ArgumentParser:
         help="of the weights and layers of ONNX files; images and answers stay float32 "
         "(default: float32)",
     )
-    out.add_argument("--version", action="version", version=__version__)
     return out
 
 
@@ -96,9 +93,9 @@ def _export(options: argparse.Namespace) -> int:
     console.check_folder(options.out, "OUT")
     console.require("lime-export", *console.EXPORTING)
     console.import_tensorflow()
-    from lime_keras.export.exporter import PRECISIONS, export, target
+    from lime_keras.export.exporter import FORMATS, export, target
 
-    precision = options.precision or PRECISIONS[options.format][0]
+    precision = options.precision or FORMATS[options.format].precisions[0]
     differences = export(
         options.out,
         options.format,

@@ -1,9 +1,12 @@
 """The export of a model in one of several formats, each with a parity check against Keras."""
 
 import shutil
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import keras
 import numpy as np
 
 from lime_keras.data import pipeline
@@ -22,16 +25,77 @@ from lime_keras.runtime.onnx_graphs import OnnxGraphs
 from lime_keras.runtime.saved_model import CARD, SavedModel
 
 SAVED_MODEL, ONNX, WEIGHTS, GRAPHS = "savedmodel", "onnx", "weights", "graphs"
-PRECISIONS = {
-    SAVED_MODEL: ("float32",),
-    ONNX: model_folder.PRECISIONS,
-    WEIGHTS: ("float16",),
-    GRAPHS: model_folder.PRECISIONS,
-}
-"""Precisions of each format, its default first. Float16 weights are computed with in float32."""
 
 _PICTURES = 64  # largest number of pictures of a corpus that are compared, or calibrate
 _VERSION = "1"  # TensorFlow Serving expects a subfolder with a version number
+
+
+@dataclass(frozen=True)
+class _Model:
+    """What an export writes: some outputs of these weights, in a precision."""
+
+    folder: Path  # folder of the weights
+    loaded: KerasEngine
+    network: keras.Model
+    precision: str
+    calibration: np.ndarray  # images `(N, S, S, 3)` that calibrate int8, else none
+    out: Path  # folder to write to
+
+    @property
+    def card(self) -> dict[str, Any]:
+        return model_card.card(self.loaded.architecture, self.network, self.precision)
+
+
+def _write_saved_model(model: _Model, path: Path) -> Answering:
+    formats.write_saved_model(model.network, path)
+    formats.write_card(path / CARD, model.card)
+    return SavedModel(path)
+
+
+def _write_onnx(model: _Model, path: Path) -> Answering:
+    formats.write_onnx(model.network, path)
+    if model.precision != "float32":
+        inputs = ({"image": picture[None]} for picture in model.calibration)
+        quantisation.narrow(path, model.precision, inputs)
+    formats.finish_onnx(path, model.card)
+    return onnx_graphs.open_file(path)
+
+
+def _write_weights(model: _Model, path: Path) -> Answering:
+    weights.save(path, model.loaded.architecture, model.loaded.parts, half=True)
+    formats.write_card(path / CARD.name, model.card)
+    record = model_folder.folder(model.folder) / "training.json"
+    if record.is_file():
+        shutil.copyfile(record, path / record.name)
+    return KerasEngine(path)
+
+
+def _write_graphs(model: _Model, path: Path) -> Answering:
+    loaded, digest, plain = model.loaded, model_folder.digest(model.folder), None
+    _complete(model.out, model.folder)
+    if model.precision != "float32":
+        plain = _plain_graphs(model.out, model.folder, digest)
+    kind = (model.precision, plain, model.calibration)
+    graphs.write(path, loaded.architecture, loaded.parts, digest, *kind)
+    return onnx_graphs.open_folder(path)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A row of `FORMATS`."""
+
+    write: Callable[[_Model, Path], Answering]  # writes, and returns what runs the result
+    path: str  # below the folder to write to; `part` names some outputs, `bits` a precision
+    precisions: tuple[str, ...]  # the default first; float16 weights are computed with in float32
+    is_whole: bool = False  # whether it always holds all outputs
+
+
+FORMATS = {
+    SAVED_MODEL: Format(_write_saved_model, f"saved_model{{part}}/{_VERSION}", ("float32",)),
+    ONNX: Format(_write_onnx, "lime{part}{bits}.onnx", model_folder.PRECISIONS),
+    WEIGHTS: Format(_write_weights, "model", ("float16",), is_whole=True),
+    GRAPHS: Format(_write_graphs, "onnx{bits}", model_folder.PRECISIONS, is_whole=True),
+}
 
 
 def export(
@@ -52,7 +116,7 @@ def export(
         weights_folder: run of `lime-train`, or folder of `lime_keras.model.weights.save`.
         only: names of outputs, out of `lime_keras.networks.output_names`; by default all outputs of
             the model.
-        precision: one of the format's `PRECISIONS`; by default the first.
+        precision: one of the format's precisions (`FORMATS`); by default the first.
         corpus: corpus of rendered pictures, which the camera model photographs
             (`lime_keras.data.camera`). If given, the first pictures of the test split are used in
             the parity check, too. The first pictures of the train split calibrate int8.
@@ -69,58 +133,31 @@ def export(
             at the path.
     """
     # Load the model and the images to compare.
-    precision = PRECISIONS[model_format][0] if precision is None else precision
+    row = FORMATS[model_format]
+    precision = row.precisions[0] if precision is None else precision
     _check(model_format, precision, corpus, only)
-    digest = model_folder.digest(weights_folder)
     keras_engine = KerasEngine(weights_folder)
-    architecture, subnetworks = keras_engine.architecture, keras_engine.parts
+    size = keras_engine.architecture.size
     if unknown := sorted(set(only or ()) - set(keras_engine.outputs)):
         raise ValueError(
-            f"cannot export {unknown}: {weights_folder} holds {architecture.description}; "
+            f"cannot export {unknown}: {weights_folder} holds "
+            f"{keras_engine.architecture.description}; "
             f"choose from {', '.join(keras_engine.outputs)}"
         )
-    network = assemble(subnetworks, only)
-    card = model_card.card(architecture, network, precision)
-    images = {"extremes": parity.images(architecture.size)}
+    network = assemble(keras_engine.parts, only)
+    images = {"extremes": parity.images(size)}
     if corpus is not None:
-        images["pictures"] = corpus_pictures(corpus, "test", architecture.size)
+        images["pictures"] = corpus_pictures(corpus, "test", size)
     calibration = np.empty((0, 0, 0, 3), np.float32)
     if precision == "int8" and corpus is not None:
-        calibration = corpus_pictures(corpus, "train", architecture.size)
+        calibration = corpus_pictures(corpus, "train", size)
 
     # Write.
-    plain = None
-    if model_format == GRAPHS:
-        _complete(folder, weights_folder)
-        if precision != "float32":
-            plain = _plain_graphs(folder, weights_folder, digest)
+    model = _Model(weights_folder, keras_engine, network, precision, calibration, folder)
     path = target(folder, model_format, precision, only)
-    engine: Answering
     # Two commands may export the same run at once.
     with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
-        if model_format == SAVED_MODEL:
-            formats.write_saved_model(network, partial)
-            formats.write_card(partial / CARD, card)
-            engine = SavedModel(partial)
-        elif model_format == WEIGHTS:
-            weights.save(partial, architecture, subnetworks, half=True)
-            formats.write_card(partial / CARD.name, card)
-            record = model_folder.folder(weights_folder) / "training.json"
-            if record.is_file():
-                shutil.copyfile(record, partial / record.name)
-            engine = KerasEngine(partial)
-        elif model_format == GRAPHS:
-            graphs.write(partial, architecture, subnetworks, digest, precision, plain, calibration)
-            engine = onnx_graphs.open_folder(partial)
-        elif model_format == ONNX:
-            formats.write_onnx(network, partial)
-            if precision != "float32":
-                inputs = ({"image": picture[None]} for picture in calibration)
-                quantisation.narrow(partial, precision, inputs)
-            formats.finish_onnx(partial, card)
-            engine = onnx_graphs.open_file(partial)
-        else:
-            raise NotImplementedError(f"nothing writes {model_format}")
+        engine = row.write(model, partial)
 
         # Compare with Keras.
         names = tuple(network.output)
@@ -156,14 +193,8 @@ def target(
     A file of `only` some outputs is named after them, so that it replaces no other.
     """
     part = "" if only is None else "-" + "+".join(filter(set(only).__contains__, OUTPUTS))
-    if model_format == SAVED_MODEL:
-        return folder / f"saved_model{part}" / _VERSION
-    if model_format == WEIGHTS:
-        return folder / "model"
     bits = "" if precision == "float32" else f"-{precision}"
-    if model_format == GRAPHS:
-        return folder / f"onnx{bits}"
-    return folder / f"lime{part}{bits}.onnx"
+    return folder / FORMATS[model_format].path.format(part=part, bits=bits)
 
 
 def corpus_pictures(corpus: Path, split_name: str, size: int) -> np.ndarray:
@@ -202,13 +233,14 @@ def corpus_pictures(corpus: Path, split_name: str, size: int) -> np.ndarray:
 def _check(
     model_format: str, precision: str, corpus: Path | None, only: Collection[str] | None
 ) -> None:
-    if precision not in PRECISIONS[model_format]:
+    row = FORMATS[model_format]
+    if precision not in row.precisions:
         raise ValueError(
-            f"the format {model_format} is {' or '.join(PRECISIONS[model_format])}, not {precision}"
+            f"the format {model_format} is {' or '.join(row.precisions)}, not {precision}"
         )
     if precision == "int8" and corpus is None:
         raise ValueError("int8 is calibrated on pictures: pass a corpus of `lime-render`")
-    if model_format in (WEIGHTS, GRAPHS) and only is not None:
+    if row.is_whole and only is not None:
         raise ValueError(f"{model_format} are of a whole model: leave out what is to be answered")
 
 
