@@ -38,7 +38,7 @@ def main(out: Path) -> None:
         if not (out / _WRITTEN).exists():
             # A page that says what is missing, which is nobody's work.
             (out / "index.html").unlink(missing_ok=True)
-        static.write(out, model_folder.SHIPPED, runtime)
+        static.write(out, model_folder.DEFAULT, runtime)
     except OSError as error:
         print(f"the demo of the site is not written anew: {error}", file=sys.stderr)
         if not (out / _WRITTEN).exists():

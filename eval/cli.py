@@ -7,7 +7,6 @@ from pathlib import Path
 
 from lime_keras import console
 from lime_keras.model import folder as model_folder
-from lime_keras.version import __version__
 
 _EPILOG = """\
 examples:
@@ -28,13 +27,12 @@ More: docs/how-to/evaluate.md, docs/how-to/photographs.md, docs/reference/benchm
 
 def parser() -> argparse.ArgumentParser:
     """Return the argument parser of `lime-eval`."""
-    command = argparse.ArgumentParser(
+    command = console.parser(
         prog="lime-eval",
         usage="lime-eval [CORPUS] [what to measure] [--out DIR] [options]",
         description="Measure trained models: on the test split of a corpus (the paper's Table 1, "
         "speed against accuracy), on photos, and at numerical extremes. Write one report.",
         epilog=_EPILOG,
-        formatter_class=console.Help,
     )
     _add_input(command)
     _add_measurements(command)
@@ -46,7 +44,6 @@ def parser() -> argparse.ArgumentParser:
         help="folder of the results (default: RUN/eval for one run of your own, results/NAME for "
         "one set that comes with the package, else results)",
     )
-    command.add_argument("--version", action="version", version=__version__)
     return command
 
 
@@ -80,7 +77,7 @@ def _add_measurements(command: argparse.ArgumentParser) -> None:
         type=model_folder.find,
         metavar="RUN",
         help="the errors of one model (default, if nothing else is asked for: "
-        f"{model_folder.SHIPPED.name})",
+        f"{model_folder.DEFAULT.name})",
     )
     measured.add_argument(
         "--table1",
@@ -162,7 +159,7 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
 
     compared = options.table1 or options.predictions
     asked = run or compared or options.tradeoff
-    model = run or (None if asked else model_folder.SHIPPED)
+    model = run or (None if asked else model_folder.DEFAULT)
     corpus, how = options.corpus, {"command": command}
     shown = how | {"camera": options.camera}
     failed = False
@@ -176,7 +173,7 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     if options.stability:
         from .stability import suite
 
-        text, as_expected = sections.stability(out, suite.cases(run or model_folder.SHIPPED), **how)
+        text, as_expected = sections.stability(out, suite.cases(run or model_folder.DEFAULT), **how)
         print(text, end="")
         failed = not as_expected
     print(f"wrote {sections.write_report(out)}", file=sys.stderr)

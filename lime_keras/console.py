@@ -20,6 +20,8 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TextIO
 
+from lime_keras.version import __version__
+
 if TYPE_CHECKING:
     from tqdm import tqdm
 
@@ -64,6 +66,13 @@ class Help(argparse.RawDescriptionHelpFormatter):
             wrapped = textwrap.wrap(" ".join(lines), width, break_on_hyphens=False)
             out += lines if indented else wrapped
         return "\n".join(indent + line for line in out)
+
+
+def parser(prog: str, usage: str, description: str, epilog: str) -> argparse.ArgumentParser:
+    """Return the parser of a command, with `--version` and the layout of `Help`."""
+    out = argparse.ArgumentParser(prog, usage, description, epilog, formatter_class=Help)
+    out.add_argument("--version", action="version", version=__version__)
+    return out
 
 
 def run(command: Callable[[], int], interrupted: str) -> int:

@@ -4,7 +4,6 @@ import argparse
 import sys
 
 from lime_keras import console
-from lime_keras.version import __version__
 
 from .commands import corpus, others
 
@@ -35,17 +34,15 @@ More: docs/how-to/corpus.md, docs/how-to/machines.md.
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the options for rendering."""
-    out = argparse.ArgumentParser(
+    out = console.parser(
         prog="lime-render",
         usage="lime-render OUT --split {train,test} --count COUNT [options]\n"
         f"       lime-render {{{','.join(COMMANDS)}}} ...",
         description="Render images of single objects with their mask, diffuse and specular "
         "shading, mirror image, normals, environment and material, as TFRecords.",
         epilog=_EXAMPLE,
-        formatter_class=console.Help,
     )
     corpus.add_options(out)
-    out.add_argument("--version", action="version", version=__version__)
     return out
 
 

@@ -94,12 +94,15 @@ def clone(
         raise ValueError(
             "the material lacks an albedo or the exponent: estimate everything, without `only`"
         )
+    # Render the mesh and its shadow.
     light = _light(radiance)
     mesh = meshes.load(mesh_path)
     pose = _upright_pose(mesh, mask, UPRIGHT[up])
     over = _rendered(mesh, light, pose, mask, whole)
     shade = _shadow(mesh, light, pose, mask) if shadow else np.zeros_like(mask)
     shade = np.where(shade < _VISIBLE, 0, shade)
+
+    # Composite them over what lies behind the old object, in linear light.
     opaque = np.ones_like(mask) if alpha is None else alpha
     # The photo's colours come multiplied by alpha. Linear light is made of the colours themselves.
     old = opaque * colour.srgb_to_linear(_divided(np.asarray(photo_srgb, np.float32), opaque))
@@ -107,6 +110,8 @@ def clone(
     # As in the corpus, the sensor clips the sum of object and background in each pixel.
     linear = np.clip(over[..., :3] + (1 - over[..., 3:]) * behind, 0, 1)
     touched = _widened(mask)[..., None] | (over[..., 3:] > 0) | (shade > 0)
+
+    # Encode; keep the bytes of the photo elsewhere.
     if alpha is None:
         new = np.clip(colour.linear_to_srgb(linear), 0, 1)
         return np.where(touched, new, photo_srgb).astype(np.float32)

@@ -190,7 +190,7 @@ def sets(tiny_model, tmp_path, monkeypatch):
             shutil.copyfile(tiny_model / "architecture.json", model / "architecture.json")
             shutil.copytree(tiny_model.parent / "onnx", folder / name / "onnx")
         monkeypatch.setattr(model_folder, "PRETRAINED", folder)
-        for one in ("SHIPPED", "FOR_PHOTOS"):
+        for one in ("DEFAULT", "FOR_PHOTOS"):
             monkeypatch.setattr(model_folder, one, folder / getattr(model_folder, one).name)
         return folder
 

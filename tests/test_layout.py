@@ -31,7 +31,8 @@ COMMANDS = {
 # not know each other.
 ROWS = {
     "lime_keras": (
-        ("version", "console", "outputs", "processors"),
+        ("version",),
+        ("console", "outputs", "processors"),
         ("launch",),
         ("optics",),
         ("material",),
@@ -184,7 +185,7 @@ def test_the_commands_offer_what_the_library_has():
     preset = next(action for action in cli.parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
     formats = next(one for one in export_command.parser()._actions if one.dest == "format")
-    assert set(formats.choices) == set(exporter.PRECISIONS)
+    assert set(formats.choices) == set(exporter.FORMATS)
 
 
 def test_every_recipe_is_named_wherever_recipes_are_listed():

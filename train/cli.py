@@ -8,7 +8,6 @@ from typing import Any
 
 from lime_keras import console
 from lime_keras.model import folder as model_folder
-from lime_keras.version import __version__
 
 _PRESETS = ("smoke", "nano", "live", "paper")
 _PRECISIONS = ("float32", "bfloat16", "float16")
@@ -75,20 +74,18 @@ More: docs/how-to/training.md, docs/how-to/recipes.md, docs/how-to/machines.md.
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
-    out = argparse.ArgumentParser(
+    out = console.parser(
         prog="lime-train",
         usage="lime-train PATH [PATH ...] --out RUN (--preset NAME | --resume) [options]\n"
         "       lime-train --recipe NAME [--data DATA] --out RUN [options]",
         description="Train the networks on corpora of lime-render.",
         epilog=_EXAMPLE,
-        formatter_class=console.Help,
     )
     _add_data(out)
     _add_run(out)
     _add_networks(out)
     _add_schedule(out)
     _add_speed(out)
-    out.add_argument("--version", action="version", version=__version__)
     return out
 
 

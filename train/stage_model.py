@@ -30,7 +30,7 @@ class StageModel(keras.Model):
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained that are not frozen.
         compositing: whether the loss of the albedos contains Eq. 5.
-        losses: which terms are learnt by: those of this `Schedule.losses`.
+        losses: the family of losses that are learnt by (`Schedule.losses`).
         lobe: lobe of S in the data, one of `corpus.LOBES`.
         kept: subnetworks of the stage, not among these, whose predictions the batches hold.
         replicas: number of devices that each compute the loss of their part of a batch. Their

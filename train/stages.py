@@ -154,7 +154,7 @@ _LIVE = Schedule(
 )
 
 SCHEDULES = {
-    # All stages in 8 minutes on two cores; accuracy well above chance, far below the paper's.
+    # All stages in 8 to 18 minutes on two cores; accuracy well above chance, far below the paper's.
     "smoke": Schedule(
         batch_size=16,
         single_steps=320,

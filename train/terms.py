@@ -64,14 +64,14 @@ class Term:
             `image` and `mask`.
         loss: function of a batch, `StageOutputs` and the `Units` of the stage; returns the loss of
             each example, `(B,)`, without the weight.
-        losses: value of `Schedule.losses` that has the term; None if every schedule has it.
+        family: the family of losses that has the term (`Schedule.losses`); None if both have it.
     """
 
     weight: float
     quantity: str
     features: tuple[str, ...]
     loss: Callable[[Batch, StageOutputs, Units], Any]
-    losses: str | None = None
+    family: str | None = None
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,12 @@ class StageMeasure:
     of_examples: Callable[[Batch, Mapping[str, Any]], tuple[Any, Any]]
 
 
-def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) -> list[str]:
+def terms_of(subnetworks: Iterable[str], family: str, compositing: bool = True) -> list[str]:
     """Return the names of the loss terms that subnetworks learn by.
 
     Args:
         subnetworks: names of the subnetworks.
-        losses: which terms are learnt by: those of this `Schedule.losses`.
+        family: the family of losses, `printed` or `robust` (`Schedule.losses`).
         compositing: whether Eq. 5 is among them.
     """
     return [
@@ -102,7 +102,7 @@ def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) 
         for part in subnetworks
         for name, term in TERMS.items()
         if _REGRESSED.get(term.quantity, term.quantity) in SUBNETWORKS[part].predicts
-        and term.losses in (None, losses)
+        and term.family in (None, family)
         and (name not in PERCEPTUAL or (compositing and part not in _WITHOUT_S))
     ]
 
@@ -152,11 +152,10 @@ def features_of_truth(quantity: str) -> tuple[str, ...]:
 
 def _true_log_exponent(batch: Batch) -> Any:
     """Return true log10 s `(B, 1)`; exponents below 1 count as 1, as in the classes."""
-    least = 10.0**shininess.LOG_LOW
-    return ops.expand_dims(ops.log10(ops.maximum(batch["shininess"], least)), -1)
+    return ops.expand_dims(shininess.log_of(batch["shininess"]), -1)
 
 
-def _direct(quantity: str, error: Error, schedules: str, weight: float = 1.0) -> Term:
+def _direct(quantity: str, error: Error, family: str, weight: float = 1.0) -> Term:
     """Return the term of a prediction that is compared as it is."""
     features, true = _TRUE[quantity]
     return Term(
@@ -164,7 +163,7 @@ def _direct(quantity: str, error: Error, schedules: str, weight: float = 1.0) ->
         quantity,
         features,
         lambda batch, answer, units: error(true(batch), answer.raw[quantity]),
-        schedules,
+        family,
     )
 
 
@@ -184,16 +183,16 @@ def _true_albedo(batch: Batch, name: str) -> Any:
     return batch[name] if name == "diffuse_albedo" else ops.expand_dims(batch[name], -1)
 
 
-def _albedo(name: str, error: Error, schedules: str) -> Term:
+def _albedo(name: str, error: Error, family: str) -> Term:
     columns = slice(3) if name == "diffuse_albedo" else slice(3, None)
 
     def loss(batch: Batch, answer: StageOutputs, units: Units) -> Any:
         return error(_true_albedo(batch, name), answer.raw["albedos"][:, columns])
 
-    return Term(1.0, "albedos", (name,), loss, schedules)
+    return Term(1.0, "albedos", (name,), loss, family)
 
 
-def _map(error: Callable[[Any], Any], schedules: str) -> Term:
+def _map(error: Callable[[Any], Any], family: str) -> Term:
     """Return the term of the error of maps, compressed, where the sphere is."""
 
     def loss(batch: Batch, answer: StageOutputs, units: Units) -> Any:
@@ -202,7 +201,7 @@ def _map(error: Callable[[Any], Any], schedules: str) -> Term:
         inside = ops.broadcast_to(disc(true.shape[1])[None], shape)
         return masked_mean(error(answer.raw["reflectance_map"] - true), inside)
 
-    return Term(1.0, "reflectance_map", _OF_MAP, loss, schedules)
+    return Term(1.0, "reflectance_map", _OF_MAP, loss, family)
 
 
 def _compose(batch: Batch, answer: StageOutputs) -> dict[str, Any]:

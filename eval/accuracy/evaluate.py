@@ -29,8 +29,6 @@ from . import flip_error, relighting
 from .predictions import Answers, Predictions
 
 _AT_ONCE = 16  # number of examples computed at once
-_LEAST_EXPONENT = 10.0**shininess.LOG_LOW
-"""Lower limit of the true exponent, as in `shininess.bin_of`, because log10 0 is not finite."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +158,7 @@ def measure(
         # Names become bytes of one width, which NumPy stores without Python objects.
         **{name: np.asarray(example[name], np.bytes_) for name in ("shape", "light")},
         "bin": shininess.bin_of(example["shininess"]),
-        "log_exponent": np.log10(np.maximum(example["shininess"], _LEAST_EXPONENT)),
+        "log_exponent": shininess.log_of(example["shininess"]),
         **_predictions(estimate),
         **_mask_errors(example, estimate),
         "coverage": np.mean(example["mask"] >= 0.5, axis=(1, 2, 3), dtype=np.float64),
@@ -235,11 +233,11 @@ def _exponent_errors(
 
     The predicted bin is the winning class, or without classes the bin that contains s.
     """
-    exponent = np.maximum(example["shininess"], _LEAST_EXPONENT)
-    true_log, true_bin = np.log10(exponent), shininess.bin_of(exponent)
+    true_log = shininess.log_of(example["shininess"])
+    true_bin = shininess.bin_of(example["shininess"])
     log = shininess.log_of_outputs(estimate)
     error = np.abs(true_log - log)
-    alpha, true_alpha = microfacets.ggx_alpha(10.0**log), microfacets.ggx_alpha(exponent)
+    alpha, true_alpha = microfacets.ggx_alpha(10.0**log), microfacets.ggx_alpha(10.0**true_log)
     errors = {
         "log_error": error,
         "log_squared": np.square(error),
@@ -354,7 +352,7 @@ def _constant_answer(split: Split) -> dict[str, np.ndarray]:
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
     dataset = dataset.map(lambda serialized: records.parse(serialized, names)).batch(_AT_ONCE)
     truth = _joined(list(pipeline.naming_damage(dataset.as_numpy_iterator(), shards)))
-    log = np.log10(np.maximum(truth["shininess"], _LEAST_EXPONENT))
+    log = shininess.log_of(truth["shininess"])
     bins = np.bincount(shininess.bin_of(truth["shininess"]), minlength=shininess.BIN_COUNT)
     nothing = np.zeros((split.size, split.size, 1), np.float32)
     return {

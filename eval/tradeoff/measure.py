@@ -67,6 +67,8 @@ def measure(
     for split in SPLITS:  # int8 is calibrated on the train split, which would be missed late
         Split(corpus, split).shard_paths()
     load = os.getloadavg()[0]
+
+    # Write the models in each precision and format.
     listed = [case for name in (*runs, PAPER) for case in cases.of_model(name, processors.count())]
     refused: dict[str, str] = {}
     paths: dict[TimedUse, Path] = {}
@@ -78,6 +80,8 @@ def measure(
         except (ParityError, models.Unavailable) as error:
             refused[variant] = str(error)
             tqdm.write(f"warning: {variant} is left out: {error}", file=sys.stderr)
+
+    # Measure their errors, then their times.
     variants = {
         (case.model, case.precision): path
         for case, path in paths.items()

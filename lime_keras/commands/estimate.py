@@ -15,7 +15,6 @@ from lime_keras.commands import model_option
 from lime_keras.io.scanner import SUFFIXES, inside, is_camera, is_video, photo_of_mask
 from lime_keras.model import folder as model_folder
 from lime_keras.outputs import NEEDED, OF_A_FRAME
-from lime_keras.version import __version__
 
 if TYPE_CHECKING:
     from lime_keras.estimate.batch import Clone
@@ -69,13 +68,12 @@ class _Source(NamedTuple):
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
-    out = argparse.ArgumentParser(
+    out = console.parser(
         prog="lime-estimate",
         usage="lime-estimate PHOTO [PHOTO ...] [options]",
         description="Estimate the material of the one object in each photo or video: its mask, "
         "colour and gloss, its highlights and mirror image.",
         epilog=_EXAMPLE,
-        formatter_class=console.Help,
     )
     _add_input(out.add_argument_group("input"))
     _add_estimated(out.add_argument_group("what is estimated"))
@@ -90,7 +88,6 @@ def parser() -> argparse.ArgumentParser:
         "onnx)",
     )
     model_option.add_precision(speed)
-    out.add_argument("--version", action="version", version=__version__)
     return out
 
 

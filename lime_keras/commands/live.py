@@ -8,7 +8,6 @@ from pathlib import Path
 from lime_keras import console
 from lime_keras.commands import model_option
 from lime_keras.model import folder as model_folder
-from lime_keras.version import __version__
 
 _PORT = 8337
 
@@ -35,13 +34,12 @@ More: docs/how-to/live.md.
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
-    out = argparse.ArgumentParser(
+    out = console.parser(
         prog="lime-live",
         usage="lime-live [--camera | --photo FILE | --video FILE | --static OUT] [options]",
         description="Show in the browser, live, the material of the object before the camera, on a "
         "virtual object under the same light.",
         epilog=_EXAMPLE,
-        formatter_class=console.Help,
     )
     start = out.add_argument_group("start").add_mutually_exclusive_group()
     start.add_argument("--camera", action="store_true", help="begin with the camera")
@@ -63,7 +61,6 @@ def parser() -> argparse.ArgumentParser:
     page.add_argument(
         "--no-browser", action="store_true", help="open no browser; print the address"
     )
-    out.add_argument("--version", action="version", version=__version__)
     return out
 
 

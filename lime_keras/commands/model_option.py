@@ -8,7 +8,7 @@ from lime_keras.model import folder as model_folder
 
 def add(
     parser: "argparse.ArgumentParser | argparse._ArgumentGroup",
-    default: Path = model_folder.SHIPPED,
+    default: Path = model_folder.DEFAULT,
 ) -> None:
     """Add the option to a command or a group of its options; its value is the folder of a model.
 

@@ -2,7 +2,7 @@
 
 In eight bits, weights have a scale for each channel. Activations have a scale for each tensor, from
 the values for calibration images (static quantisation, QDQ format). The last layers, SpecularNet's
-way up, the guided filter, masking, clipping and the expansion of S and M, which reach 59,873, stay
+decoder, the guided filter, masking, clipping and the expansion of S and M, which reach 59,873, stay
 float32. Input images and outputs are always float32.
 """
 
@@ -30,7 +30,7 @@ before it has the scale of 0 to 6, not of all that is clipped. Those of the seco
 in floating point they would separate the eight-bit convolutions."""
 
 _WAY_UP = re.compile(r"/specular_net\w*/(up|skip)\d")
-"""Nodes of SpecularNet's way up, by name. Its features have the range of radiance: those of `live`
+"""Nodes of SpecularNet's decoder, by name. Its features have the range of radiance: those of `live`
 reach 115 times their 99th percentile, too far for 256 equal steps."""
 _GUIDED = re.compile(r"/segmentation_net\w*/guided")
 """Nodes of the guided filter, by name: its small differences of means vanish in few bits."""
@@ -109,7 +109,7 @@ def _keep_between(model: onnx.ModelProto) -> None:
 def in_float32(model: onnx.ModelProto) -> list[str]:
     """Return the names of the nodes that int8 leaves in float32.
 
-    They are the last layers, SpecularNet's way up, the guided filter, repeated channels, which no
+    They are the last layers, SpecularNet's decoder, the guided filter, repeated channels, which no
     convolution reads, and `Clip` where it is not the ReLU6 of a convolution in eight bits. Other
     operators than `_INTEGER` need no name.
     """

@@ -374,10 +374,6 @@ def check_written(path: Path, written: Path) -> None:
     """Raise OSError if a picture that OpenImageIO has written cannot be read to its end.
 
     The library does not see that the last bytes of a file found no room.
-
-    Args:
-        path: path of the picture, for the message.
-        written: path where it was written.
     """
     picture = oiio.ImageBuf(str(written))
     if not picture.read(force=True):

@@ -111,7 +111,7 @@ def open_image(path: Path, *, subimage: int = 0, straight: bool = False) -> oiio
     Args:
         path: path of the file.
         subimage: number of the part of the file.
-        straight: whether colours that the file does not multiply by alpha stay so.
+        straight: whether colours with unassociated alpha are kept so, not multiplied by alpha.
 
     Raises:
         ValueError: if the library cannot read it, its format is none of `FORMATS`, or it holds

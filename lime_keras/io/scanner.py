@@ -96,7 +96,7 @@ def _cases(name: str) -> Iterator[str]:
 
 
 def folded(name: str) -> str:
-    """Return a name by which others of it that differ in case or in form of accents are alike."""
+    """Return a name casefolded and in NFC, to compare names without case or form of accents."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
@@ -144,9 +144,6 @@ def inside(folder: Path) -> Iterator[Path]:
     Hidden files and folders, unfinished results and the masks of photos (`photo_of_mask`) are left
     out, and so are files that `lime-estimate` wrote: the layers of a photo are no photos. Links to
     folders are not followed.
-
-    Args:
-        folder: an existing folder.
     """
     written: dict[Path, set[str]] = {}
     for file in walk(folder, (*SUFFIXES, *EXTENSIONS)):

@@ -103,9 +103,6 @@ def naming(path: Path, what: str, mend: str = "") -> Iterator[None]:
 def read_json(path: Path) -> Any:
     """Return the object in a JSON file.
 
-    Args:
-        path: path of the file.
-
     Raises:
         ValueError: if there is no such file, or it is too large, too deep, no JSON or no
             object; the message has the reason alone, and the caller adds what to do.

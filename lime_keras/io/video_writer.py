@@ -12,11 +12,7 @@ _TICKS = 60_000
 
 
 class Movie:
-    """An MP4 file that grows frame by frame and can be played even if the program is killed.
-
-    Args:
-        path: path of the file.
-    """
+    """An MP4 file that grows frame by frame and can be played even if the program is killed."""
 
     def __init__(self, path: Path):
         # The file consists of complete fragments and nothing is buffered, so it can be played even

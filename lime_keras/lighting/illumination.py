@@ -186,9 +186,6 @@ def estimate(evidence: Evidence) -> np.ndarray:
     ridge draws L towards the uniform light of the mean D, and C towards 0. The more
     alike the normals are, the stronger the ridge acts. A negative sum becomes 0.
 
-    Args:
-        evidence: evidence of an image.
-
     Returns:
         Light in camera space, linear radiance `(64, 128)`, at least 0.
 

@@ -67,9 +67,6 @@ class Session:
 
     The object is looked for in the square of the frame before, and in the whole frame when it is
     not there (`Estimator.look`).
-
-    Args:
-        estimator: estimator of single frames.
     """
 
     def __init__(self, estimator: Estimator):

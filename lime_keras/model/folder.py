@@ -25,11 +25,11 @@ from lime_keras.version import __version__
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the sets of weights that come with the package, a folder each."""
-SHIPPED = PRETRAINED / "live"
+DEFAULT = PRETRAINED / "live"
 """Folder of the set that cameras, exports and evaluations use where no model is named."""
 FOR_PHOTOS = PRETRAINED / "best"
-"""Folder of the set that photos and videos use instead: it takes twice the time, and finds more
-objects whole."""
+"""Folder of the set that photos and videos use instead: it takes half as long again, and finds
+more objects whole."""
 ARCHITECTURE = "architecture.json"
 """File of the architecture; only a folder that has one holds a model."""
 WEIGHTS = ".weights.h5"  # end of the name of each subnetwork's file

@@ -37,7 +37,13 @@ def bin_of(exponent: Any) -> np.ndarray:
     exponent = np.asarray(exponent, np.float64)
     if not np.all(exponent >= 0):
         raise ValueError(f"exponents must be at least 0, got {exponent.min()}: check the material")
-    return bin_of_log(np.log10(np.maximum(exponent, 10.0**LOG_LOW))).astype(np.int32)
+    return bin_of_log(log_of(exponent)).astype(np.int32)
+
+
+def log_of(exponent: Any) -> Any:
+    """Return log10 s of any shape, array or tensor; exponents below 1 count as 1."""
+    xp = namespace(exponent)
+    return xp.log10(xp.maximum(exponent, 10.0**LOG_LOW))
 
 
 def bin_of_log(log: Any) -> Any:

@@ -14,9 +14,6 @@ def write(folder: Path) -> list[Path]:
     Both are written anew each time; the same content gives the same bytes. A `README.md` without
     the line `data_card.WRITTEN` is somebody's own, and is left alone.
 
-    Args:
-        folder: folder of a corpus.
-
     Returns:
         The paths of the files that were written.
     """

@@ -41,12 +41,7 @@ _CITED = (
 
 
 def text(name: str, parts: Sequence[Split]) -> str:
-    """Return the metadata as JSON.
-
-    Args:
-        name: name of the folder.
-        parts: its complete splits, at least one.
-    """
+    """Return the metadata of a folder's complete splits, at least one, as JSON."""
     metadata: dict[str, Any] = {
         "@context": json.loads(_CONTEXT.read_text(encoding="utf-8")),
         "@type": "sc:Dataset",

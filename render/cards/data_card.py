@@ -25,12 +25,7 @@ _OTHERS = (
 
 
 def text(name: str, parts: Sequence[Split]) -> str:
-    """Return the card as Markdown with a YAML head.
-
-    Args:
-        name: name of the folder.
-        parts: its complete splits, at least one.
-    """
+    """Return the card of a folder's complete splits, at least one: Markdown with a YAML head."""
     built_in = all(map(is_built_in, parts))
     count = sum(part.count for part in parts)
     return Template(_CARD.read_text(encoding="utf-8")).substitute(

@@ -45,12 +45,7 @@ Findings = dict[str, list[Finding]]  # findings of a split by kind, in the order
 
 
 def check(kind: str, path: Path) -> Finding:
-    """Check one file by reading it as rendering will read it.
-
-    Args:
-        kind: One of `KINDS`.
-        path: Path of the file.
-    """
+    """Check one file, of one of `KINDS`, by reading it as rendering will read it."""
     try:
         untrusted.check(path, "an input")
         stat = path.stat()

@@ -14,9 +14,6 @@ from lime_keras.version import __version__, installed
 def read_description(path: Path) -> dict[str, Any] | None:
     """Return the description with which a folder was begun; None for a new folder.
 
-    Args:
-        path: file of the description.
-
     Raises:
         ValueError: if the description cannot be read.
     """

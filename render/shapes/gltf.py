@@ -38,9 +38,6 @@ _MOST_INSTANCES = 10_000
 def read(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     """Read the triangles of a file's default scene.
 
-    Args:
-        content: the file's content.
-
     Returns:
         Vertices, triangles and normals, as `obj.read` returns them, and notes on what the file uses
         that is not applied.

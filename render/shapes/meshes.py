@@ -64,9 +64,6 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
     faces are then turned to the side of the normals. Otherwise the faces are turned to agree with
     their neighbours, and normals are made, smooth except across creases of more than 50 degrees.
 
-    Args:
-        path: A file with one of the `EXTENSIONS`.
-
     Returns:
         The mesh, with the faces of the file, and notes on what was repaired.
 

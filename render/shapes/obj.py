@@ -13,9 +13,6 @@ def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Polygons need not be convex. As in the format's definition, indices below zero count back from
     the vertex read last.
 
-    Args:
-        data: The file's content.
-
     Returns:
         Vertices `(V, 3)`, triangles `(F, 3)`, and normals `(V, 3)`, NaN where the file gives none.
         Vertex 0 is NaN: it replaces vertices that a polygon names and the file does not have.

@@ -25,9 +25,6 @@ Property = tuple[str, np.dtype | None, np.dtype]
 def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Read all polygons of a file as triangles; polygons need not be convex.
 
-    Args:
-        data: the file's content.
-
     Returns:
         Vertices, triangles and normals, as `obj.read` returns them.
 

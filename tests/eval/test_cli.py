@@ -360,7 +360,7 @@ def test_a_file_in_the_place_of_out_is_refused_at_once(corpus, run, tmp_path, ca
 
 def test_a_corpus_alone_measures_the_packages_own_model(corpus, run, tmp_path, monkeypatch):
     measured = []
-    monkeypatch.setattr("lime_keras.model.folder.SHIPPED", run)
+    monkeypatch.setattr("lime_keras.model.folder.DEFAULT", run)
     monkeypatch.setattr(
         sections, "evaluation", lambda out, model, *_, **__: measured.append(model) or ""
     )
@@ -410,7 +410,7 @@ def test_the_extremes_without_weights_are_those_of_the_default_set(tmp_path, mon
     monkeypatch.setattr(suite, "cases", lambda folder: tried.append(folder) or [])
     monkeypatch.setattr(sections, "stability", lambda out, cases, *, command: ("", True))
     assert cli.main(["--stability", "--out", str(tmp_path)]) == 0
-    assert tried == [model_folder.SHIPPED]
+    assert tried == [model_folder.DEFAULT]
 
 
 def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatch, capsys):

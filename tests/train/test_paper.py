@@ -144,7 +144,7 @@ def test_the_terms_are_those_of_the_text_each_of_weight_one(subnetworks):
         "specular_albedo",
         "exponent_binary",
     }
-    assert {TERMS[name].weight for name in TERMS if TERMS[name].losses != "robust"} == {1.0}
+    assert {TERMS[name].weight for name in TERMS if TERMS[name].family != "robust"} == {1.0}
 
 
 def batch(size=8):

@@ -1,4 +1,4 @@
-"""What subnetworks that stand still predict of kept photos: computed once, and kept beside them.
+"""Predictions of frozen subnetworks on kept photos: computed once, and kept beside them.
 
 These are the masks that the objects are cut out with (`photos.masks`), by SegmentationNet, and the
 layers that frozen subnetworks predict on photo and mask alone.
@@ -80,7 +80,7 @@ def make(
     Args:
         photos: complete photos.
         answers: where the answers to the same photos are kept.
-        networks: subnetworks that stand still: `segmentation`, without which masks are true or
+        networks: frozen subnetworks: `segmentation`, without which masks are true or
             damaged, and those whose predictions are kept (`independent`).
         seed: seed of the masks; None to cut out each object by `segmentation` alone, as in
             validation.

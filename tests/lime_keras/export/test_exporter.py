@@ -197,7 +197,7 @@ def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path
 def test_without_weights_the_packages_own_are_exported(tmp_path):
     assert export_cli.main([str(tmp_path), "--format", "weights"]) == 0
     found, _ = weights.load(tmp_path)
-    assert found == weights.load(model_folder.SHIPPED)[0]
+    assert found == weights.load(model_folder.DEFAULT)[0]
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from lime_keras.live import page_graphs
 from lime_keras.model import folder as model_folder
 from lime_keras.runtime import onnx_graphs
 
-SHIPPED = model_folder.graphs(model_folder.SHIPPED)
+SHIPPED = model_folder.graphs(model_folder.DEFAULT)
 SIZE = 128
 NAMES = "mask", "material", "layers"
 

@@ -64,7 +64,7 @@ def test_a_page_replaces_a_page_and_nothing_else(written, tmp_path):
         if content is not None:
             (tmp_path / "mine" / "engine.json").write_text(content)
         with pytest.raises(ValueError, match="would be lost"):
-            static.write(tmp_path / "mine", model_folder.SHIPPED, {})
+            static.write(tmp_path / "mine", model_folder.DEFAULT, {})
     assert (tmp_path / "mine" / "thesis.tex").is_file()
     with pytest.raises(ValueError, match="is a file"):
         static.check(tmp_path / "mine" / "thesis.tex")

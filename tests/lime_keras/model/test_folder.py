@@ -103,7 +103,7 @@ def test_a_name_that_there_is_not_is_told_with_those_that_there_are(package):
 
 
 def test_the_defaults_are_sets_that_are_there():
-    assert model_folder.SHIPPED == model_folder.shipped()["live"]
+    assert model_folder.DEFAULT == model_folder.shipped()["live"]
     assert model_folder.FOR_PHOTOS in model_folder.shipped().values()
 
 

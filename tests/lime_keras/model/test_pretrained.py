@@ -10,7 +10,7 @@ from lime_keras import Estimator
 from lime_keras.export import parity
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
-from lime_keras.model.folder import SHIPPED
+from lime_keras.model.folder import PRETRAINED
 from lime_keras.networks import assemble
 from lime_keras.networks.precision import computing_in
 from lime_keras.optics import dichromatic
@@ -30,7 +30,7 @@ def size(*folders):
 
 
 def test_all_sets_together_are_small():
-    assert model_folder.SHIPPED.name in SETS
+    assert model_folder.DEFAULT.name in SETS
     assert size(*SETS.values()) < 58e6
 
 
@@ -38,7 +38,7 @@ def test_all_sets_together_are_small():
 def test_a_set_is_whole_described_and_there_once(name):
     held = {path.name for path in SETS[name].rglob("*") if path.is_file()}
     assert {"lime.json", "training.json"} <= held
-    assert f"## `{name}`" in (SHIPPED.parent / "README.md").read_text(encoding="utf-8")
+    assert f"## `{name}`" in (PRETRAINED / "README.md").read_text(encoding="utf-8")
     assert model_folder.has_weights_in_graphs(SETS[name])
     description = model_folder.read_description(model_folder.graphs(SETS[name]))
     assert description is not None and description.weights == model_folder.digest(SETS[name])

@@ -45,6 +45,12 @@ def test_bins_of_logarithms_are_those_of_their_exponents_in_either_backend():
         np.testing.assert_array_equal(found, expected)
 
 
+def test_the_logarithm_of_an_exponent_below_one_is_zero_in_either_backend():
+    exponents = np.float32([0, 1e-38, 0.5, 1, 10, 1000, np.inf])
+    for found in (shininess.log_of(exponents), shininess.log_of(tf.constant(exponents))):
+        np.testing.assert_allclose(found, [0, 0, 0, 0, 1, 3, np.inf], rtol=1e-6)
+
+
 def test_the_floor_is_what_uniform_draws_give():
     log = (np.arange(80_000) + 0.5) / 80_000 * 3
     perfect = shininess.LOG_MEANS[shininess.bin_of(10.0**log)]
