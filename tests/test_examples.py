@@ -107,6 +107,7 @@ def test_onnx_runtime_web_under_node(precision, exported, photo, expected):
     check(run("node", "onnx_web.mjs", file, photo[1]), expected, precision)
 
 
+@pytest.mark.slow
 def test_tensorflow_in_python(exported, photo, expected):
     folder = exported("savedmodel")
     check(run(sys.executable, "savedmodel_python.py", folder, photo[1]), expected, "float32")

@@ -22,10 +22,9 @@ COMPILED = {"XLA float32", "SavedModel", "ONNX", "ONNX float16"}
 
 
 def _takes_long(case):
-    """Whole systems in half precision, too, but for one that stands for all."""
-    if case.part.startswith("fresh ") and case.precision in ("float16", "bfloat16"):
-        return (case.part, case.precision) != ("fresh LIME with the split", "float16")
-    return case.precision in COMPILED
+    """Whole systems in half precision, too."""
+    in_half = case.part.startswith("fresh ") and case.precision in ("float16", "bfloat16")
+    return in_half or case.precision in COMPILED
 
 
 SKIPPED = () if page_modules.node() else (page.JAVASCRIPT,)
