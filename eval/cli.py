@@ -31,7 +31,7 @@ def parser() -> argparse.ArgumentParser:
         prog="lime-eval",
         usage="lime-eval [CORPUS] [what to measure] [--out DIR] [options]",
         description="Measure trained models: on the test split of a corpus (the paper's Table 1, "
-        "speed against accuracy), on photos, and at numerical extremes. Write one report.",
+        "speed against accuracy), and at numerical extremes. Write one report.",
         epilog=_EPILOG,
     )
     _add_input(command)
@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="DIR",
         help="folder of the results (default: RUN/eval for one run of your own, results/NAME for "
-        "one set that comes with the package, else results)",
+        "one set that comes with the package and is named by --weights, else results)",
     )
     return command
 
@@ -100,7 +100,7 @@ def _add_measurements(command: argparse.ArgumentParser) -> None:
         nargs="*",
         metavar="RUN",
         help="time and memory of what users run, a photo and a camera's frame, against every "
-        "error, and what to take (default: all sets that come with the package)",
+        "error, and which model to choose (default: all sets that come with the package)",
     )
     measured.add_argument(
         "--stability",

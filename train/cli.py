@@ -60,11 +60,11 @@ The stages: segmentation, specular, mirror, albedo and exponent, each subnetwork
 specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo, joined.
 An interrupted command, run again, goes on from its last checkpoint, at most a minute back.
 
-The recipes make the sets of weights that come with the package, from nothing: they render corpora,
-train, and evaluate on validation scenes. best, live, nano and uniform train by Muon (MirrorNet by
-Adam, as its deep levels die otherwise), builtin too, without any download; live_adam is live
-whose S and encoders learn by Adam, as the paper's do. The presets smoke and paper train by Adam,
-nano and live by Muon.
+The recipes make sets of weights: they render corpora, train, and evaluate on validation scenes.
+best, nano and uniform begin with the live that comes with the package, the others with nothing.
+best, live, nano and uniform train by Muon (MirrorNet by Adam, as its deep levels die otherwise),
+builtin too, without any data of yours; live_adam is live whose S and encoders learn by Adam, as the
+paper's do. The presets smoke and paper train by Adam, nano and live by Muon.
 
 `tensorboard --logdir runs` shows the curves; KERAS_BACKEND=jax trains under JAX.
 
@@ -152,9 +152,9 @@ def _add_run(out: argparse.ArgumentParser) -> None:
     begun.add_argument(
         "--recipe",
         metavar="NAME",
-        help="make a set of weights from nothing: best, live, live_adam, nano, uniform, builtin, "
-        "or a file of your own such as my.py; --out, --data, --seed, --reuse and --scale-steps go "
-        "with it",
+        help="make a set of weights, corpora included: best, live, live_adam, nano, uniform, "
+        "builtin, or a file of your own such as my.py; --out, --data, --seed, --reuse and "
+        "--scale-steps go with it",
     )
     begun.add_argument(
         "--resume",
@@ -198,8 +198,8 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         metavar="PART",
         help="leave out: perceptual, Eq. 5 in the loss; mirror, MirrorNet; dichromatic, the split "
         "of colours; dichromatic-shading, the same in SpecularNet alone; hue, m_d in the hue of "
-        "the pixels; pretrained, the mask's encoder; linear, S and M as linear radiance, which are "
-        "log(1 + x) without",
+        "the pixels; pretrained, the mask's encoder; linear, S and M as linear radiance, "
+        "in place of log(1 + x)",
     )
     networks.add_argument(
         "--with",
