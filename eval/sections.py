@@ -61,13 +61,14 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
         worst=cards[len(choices) :],
     )
     text = table.markdown(summary, evaluated.architecture)
+    if (out / "metrics.json").is_file():  # only where an earlier report left its examples
+        for stale in (out / "examples").glob("[0-9]" * 5 + ".png"):
+            stale.unlink()
     _write_json(out / "metrics.json", summary)
     write(out / "table1.md", text)
     write(out / "confusion.png", pictures["confusion"])
     write(out / "images.csv", _csv(evaluated.rows))
     (out / "examples").mkdir(exist_ok=True)
-    for stale in (out / "examples").glob("[0-9]*.png"):
-        stale.unlink()
     for example in chosen:
         photo.write(out / "examples" / f"{example.choice.position:05d}.png", example.photo_srgb)
     write(_section(out, "evaluation"), section)

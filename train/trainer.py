@@ -24,7 +24,7 @@ from typing import Any
 import keras
 
 from lime_keras.io import atomic, locking
-from lime_keras.model import weights
+from lime_keras.model import gloss_file, weights
 from lime_keras.networks import build
 from lime_keras.networks.precision import computing_in
 
@@ -233,6 +233,7 @@ class _Run:
         trained = {n: one for n, one in self._subnetworks.items() if n in self._trained}
         with (
             self._split.without_distribution(),
+            gloss_file.kept(self._folder),
             atomic.replacing(self._folder / "model") as partial,
         ):
             weights.save(partial, self._config.architecture, trained)

@@ -49,11 +49,7 @@ def extreme_photos(side: int) -> dict[str, np.ndarray]:
 
 
 class TrialSystem:
-    """A system in every precision and format; each variant is made when it is first needed.
-
-    Args:
-        folder: run of `lime-train`, or folder of `weights.save`.
-    """
+    """A system in every precision and format; each variant is made when it is first needed."""
 
     def __init__(self, folder: Path):
         self.folder = folder

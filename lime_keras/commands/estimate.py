@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from lime_keras.estimate.terminal import Printer
 
 _FAMILIES = ("u2net", "birefnet", "isnet")
-_VIDEO_ENDS = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
+_SCENE_ENDS = (".mtl", ".gltf", "-mitsuba.json", "-preview.png")
+_VIDEO_ENDS = (".csv", "-overlay.mp4", ".json", *_SCENE_ENDS)
 
 INTERRUPTED = "what is done so far is in the output folder"
 _EXAMPLE = """
@@ -379,8 +380,14 @@ def _estimate_video(
     from lime_keras.video.estimate_video import estimate_video
 
     target = results.json(name)
+    ends = (*_VIDEO_ENDS, *(f"-scene-*{end}" for end in _SCENE_ENDS))
     try:
-        with results.growing(name, provenance(), _VIDEO_ENDS) as draft:
+        made_with = provenance()
+    except (OSError, ValueError) as error:
+        printer.error(str(error))
+        return None
+    try:
+        with results.growing(name, made_with, ends) as draft:
             summary = estimate_video(source, estimator, target.parent, target.stem)
             draft.numbers, draft.files = {"video": source} | summary.to_json(), [*summary.files]
     except ValueError as error:

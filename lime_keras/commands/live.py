@@ -66,7 +66,10 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Serve the page until Ctrl-C, or write its files, and return the exit status."""
-    options = parser().parse_args(argv)
+    command = parser()
+    options = command.parse_args(argv)
+    if options.static and options.precision != "float32":
+        command.error("--static writes graphs in float32: leave out --precision")
     if options.static:
         return console.run(lambda: _write(options), "nothing was written")
     return console.run(lambda: _serve(options), "nothing was loaded yet")

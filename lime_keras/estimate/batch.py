@@ -180,13 +180,15 @@ class Batch:
     def _finish(self, most: int) -> Iterator[None]:
         """Wait until no more than `most` pixels are to be written, and yield after each photo."""
         while sum(one.pixels for one, _ in self._written) > most:
-            one, written = self._written.popleft()
+            one, written = self._written[0]  # stays there if the wait is interrupted
             try:
                 with _naming_photo(one.path):
                     numbers, remarks = written.result()
             except ValueError as error:
+                self._written.popleft()
                 self._fail(one.path, error)
             else:
+                self._written.popleft()
                 self.finished[one.name] = numbers
                 self._printer.result(numbers, self._results.json(one.name).parent, remarks)
             yield

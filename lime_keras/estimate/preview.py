@@ -192,6 +192,8 @@ def _crop(image: np.ndarray, square: Square, *, is_photo: bool = False) -> np.nd
     step = max(1, square.side // (2 * TILE))
     image, square = image[::step, ::step], Square(*(edge // step for edge in square))
     inside, outside = framing.overlap(square, *image.shape[:2])
+    if not image[outside].size:  # an object that was found beyond the photo's edge alone
+        return np.zeros((TILE, TILE, image.shape[2]), np.float32)
     part = colour.srgb_to_linear(image[outside]) if is_photo else image[outside]
     beyond = [(edge.start, square.side - edge.stop) for edge in inside]
     padded = np.pad(part, [*beyond, (0, 0)], mode="edge" if is_photo else "constant")

@@ -6,6 +6,7 @@ moved to their places together, the JSON last: a result is there completely, or 
 """
 
 import contextlib
+import glob
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -204,29 +205,33 @@ class Results:
         Args:
             name: name of the result.
             provenance: what it depends on.
-            ends: ends of the names of the files that it may have.
+            ends: ends of the names of the files that it may have, with a star for any number.
 
         Raises:
             ValueError: if another file has one of these names, and nothing may be overwritten.
         """
         target = self.json(name)
-        draft = Draft(target.parent, files=[target.stem + end for end in ends])
-        self._clear(name, draft.files)
+        draft = Draft(target.parent, files=[target.stem + end for end in ends if "*" not in end])
+        several = [end for end in ends if "*" in end]
+        self._clear(name, draft.files, several)
         result_json.write(target, {}, dict(provenance) | {"unfinished": True}, draft.files)
         try:
             yield draft
         except ValueError:
-            self._clear(name, [])
+            self._clear(name, [], several)
             raise
         files = [*draft.files, target.name]
         draft.numbers = result_json.write(target, draft.numbers, provenance, files)
 
-    def _clear(self, name: str, files: list[str]) -> None:
-        """Remove an earlier result; raise ValueError if one of `files` is another's."""
+    def _clear(self, name: str, files: list[str], several: Sequence[str] = ()) -> None:
+        """Remove an earlier result; raise ValueError if a file in the way is another's."""
         target = self.json(name)
-        earlier = result_json.read(target)
+        earlier, start = result_json.read(target), glob.escape(target.stem)
+        there = {path.name for end in several for path in target.parent.glob(start + end)}
         own = set(earlier["files"]) if earlier else set()
-        for file in files:
+        if earlier and earlier["made"].get("unfinished"):
+            own |= there  # it was interrupted before it could name them
+        for file in (*files, *sorted(there)):
             path = target.with_name(file)
             if not self._overwrite and file not in own and os.path.lexists(path):
                 raise ValueError(f"{path} is there, and no part of an earlier result: {_MEND}")

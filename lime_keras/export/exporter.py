@@ -14,8 +14,7 @@ from lime_keras.data.corpus import Split
 from lime_keras.export import formats, graphs, model_card, parity, quantisation, reference
 from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
-from lime_keras.model import weights
-from lime_keras.model.folder import ARCHITECTURE
+from lime_keras.model import gloss_file, weights
 from lime_keras.networks import assemble
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime import onnx_graphs
@@ -64,15 +63,15 @@ def _write_onnx(model: _Model, path: Path) -> Answering:
 def _write_weights(model: _Model, path: Path) -> Answering:
     weights.save(path, model.loaded.architecture, model.loaded.parts, half=True)
     formats.write_card(path / CARD.name, model.card)
-    record = model_folder.folder(model.folder) / "training.json"
-    if record.is_file():
-        shutil.copyfile(record, path / record.name)
+    for name in ("training.json", gloss_file.NAME):
+        record = model_folder.folder(model.folder) / name
+        if record.is_file():
+            shutil.copyfile(record, path / name)
     return KerasEngine(path)
 
 
 def _write_graphs(model: _Model, path: Path) -> Answering:
     loaded, digest, plain = model.loaded, model_folder.digest(model.folder), None
-    _complete(model.out, model.folder)
     if model.precision != "float32":
         plain = _plain_graphs(model.out, model.folder, digest)
     kind = (model.precision, plain, model.calibration)
@@ -179,6 +178,8 @@ def export(
             image = images["extremes"][:1]
             outputs = parity.predictions(reference.ReferenceGraphs(engine), image)
             parity.check_against(keras_engine, image, names, outputs, precision)
+    if model_format == GRAPHS:
+        _complete(folder, weights_folder)
     return differences
 
 
@@ -246,11 +247,14 @@ def _check(
 
 def _complete(folder: Path, weights_folder: Path) -> None:
     """Copy what lies beside a model's weights, so that a folder of graphs is a whole model."""
-    if (model_folder.folder(folder) / ARCHITECTURE).is_file():
+    source, model = model_folder.folder(weights_folder), model_folder.folder(folder)
+    if any(model.glob(f"*{model_folder.WEIGHTS}")) or model.resolve() == source.resolve():
         return
     model = folder / "model"
     model.mkdir(parents=True, exist_ok=True)
-    for path in sorted(model_folder.folder(weights_folder).glob("*.json")):
+    for stale in model.glob("*.json"):  # of another model, whose graphs were there before
+        stale.unlink()
+    for path in sorted(source.glob("*.json")):
         shutil.copyfile(path, model / path.name)
 
 

@@ -135,9 +135,6 @@ def matrix(chromaticities: tuple[float, ...]) -> np.ndarray:
 
     CIE XYZ itself is not adapted: its white is no white of a scene.
 
-    Args:
-        chromaticities: as `REC709`.
-
     Raises:
         ValueError: if the chromaticities make no colours.
     """

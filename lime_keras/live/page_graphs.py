@@ -21,11 +21,6 @@ _IMAGES = ("image", "mask")
 def write(folder: Path, graphs: Path, description: Description) -> tuple[str, ...]:
     """Write `mask.onnx`, `material.onnx` and, if something is left for it, `layers.onnx`.
 
-    Args:
-        folder: existing folder to write to.
-        graphs: folder of a model's graphs.
-        description: description of the graphs in it.
-
     Returns:
         The names of the graphs.
 

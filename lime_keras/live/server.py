@@ -18,6 +18,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import photo
 from lime_keras.io.scanner import SUFFIXES
@@ -173,7 +175,9 @@ class _Handler(BaseHTTPRequestHandler):
             picture, png = Path(folder) / f"the picture{suffix}", Path(folder) / "picture.png"
             picture.write_bytes(body)
             try:
-                photo.write(png, photo.read_srgb(picture))
+                image, alpha, _ = photo.load(picture)
+                parts = [image] if alpha is None else [image, alpha]
+                photo.write(png, np.concatenate(parts, axis=-1))
             except ValueError as error:
                 raise ValueError(str(error).replace(str(picture), "the picture")) from error
             return "image/png", png.read_bytes()

@@ -90,6 +90,8 @@ def check(out: Path) -> None:
     """Raise ValueError if a folder holds something else than a page that was written before."""
     if out.exists() and not out.is_dir():
         raise ValueError(f"{out} is a file: name a folder")
+    if not out.name:
+        raise ValueError(f"{out} cannot be replaced: name a folder in it")
     if not out.is_dir() or not any(out.iterdir()):
         return
     try:

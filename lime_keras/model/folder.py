@@ -9,7 +9,8 @@ exported from, so graphs of other weights are noticed, and what each graph reads
 that only those are opened that are needed.
 
 `lime_keras.model.weights` writes and reads the files. This module imports neither Keras nor
-NumPy, so that the estimator, which runs the exported graphs, finds its model without them.
+NumPy, so that the estimator, which runs the exported graphs, finds its model without them. `run` is
+the folder of a trained model, as `folder` takes it.
 """
 
 import dataclasses
@@ -127,20 +128,13 @@ def graphs(run: Path, precision: str = "float32") -> Path:
 
 
 def has_weights_in_graphs(run: Path) -> bool:
-    """Return whether a model's weights lie in its exported graphs alone.
-
-    Args:
-        run: folder of the trained model (see `folder`).
-    """
+    """Return whether a model's weights lie in its exported graphs alone."""
     has_files = any(folder(run).glob(f"*{WEIGHTS}"))
     return not has_files and (graphs(run) / DESCRIPTION).is_file()
 
 
 def files(run: Path) -> list[Path]:
     """Return all files of a model, in a fixed order.
-
-    Args:
-        run: folder of the trained model (see `folder`).
 
     Raises:
         FileNotFoundError: if the folder holds no model.
@@ -157,9 +151,6 @@ def files(run: Path) -> list[Path]:
 
 def training_config(run: Path) -> dict[str, Any]:
     """Return the config that a model was trained with; empty for a model without a record.
-
-    Args:
-        run: folder of the trained model (see `folder`).
 
     Raises:
         ValueError: if the record, `config.json` of a run or `training.json` of a model, is broken.
@@ -185,9 +176,6 @@ def digest(run: Path) -> str:
 
     If the weights lie in the exported graphs alone, it is that of the files from which these were
     exported.
-
-    Args:
-        run: folder of the trained model (see `folder`).
 
     Raises:
         FileNotFoundError: if the folder holds no model.
@@ -288,12 +276,7 @@ def repair_hint(folder: Path) -> str:
 
 
 def export_hint(run: Path, precision: str = "float32") -> str:
-    """Return which command writes a model's graphs, as the end of an error's sentence.
-
-    Args:
-        run: folder of the trained model (see `folder`).
-        precision: precision of the graphs.
-    """
+    """Return which command writes a model's graphs, as the end of an error's sentence."""
     more = "" if precision == "float32" else f" --precision {precision}"
     more += " --corpus CORPUS" if precision == "int8" else ""
     home = graphs(run).parent

@@ -4,10 +4,12 @@
 model's digest.
 """
 
+import contextlib
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
-from lime_keras.io import untrusted
+from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.optics.gloss import DEFAULT, Calibration
 
@@ -16,9 +18,6 @@ NAME = "gloss.json"
 
 def read(run: Path) -> Calibration:
     """Return the calibration of a model; `gloss.DEFAULT` if it has none.
-
-    Args:
-        run: folder of the trained model (see `model_folder.folder`).
 
     Raises:
         ValueError: if the file is damaged.
@@ -33,3 +32,15 @@ def read(run: Path) -> Calibration:
         if not (math.isfinite(calibration.even) and 0 < calibration.slope < math.inf):
             raise ValueError(f"its numbers are {calibration}")
     return calibration
+
+
+@contextlib.contextmanager
+def kept(run: Path) -> Iterator[None]:
+    """Keep a run's calibration while its model is written anew, if the weights stay the same."""
+    path = run / "model" / NAME
+    is_model = path.is_file() and (run / "model" / model_folder.ARCHITECTURE).is_file()
+    before = model_folder.digest(run) if is_model else None
+    content = path.read_bytes() if before else b""
+    yield
+    if before and model_folder.digest(run) == before:
+        atomic.write(path, content)

@@ -56,7 +56,8 @@ def _run(options: argparse.Namespace) -> int:
     from ..shapes import meshes
 
     meshes.check_kind(mesh)
-    changing = {"clone-onto": digest(mesh), "up": options.up, "shadow": options.shadow}
+    up = options.up if options.up != "y" else None  # as without the option
+    changing = {"clone-onto": digest(mesh), "up": up, "shadow": options.shadow}
     return estimate.run(options, changing, functools.partial(_renderer, options))
 
 

@@ -33,12 +33,7 @@ def sources_of(job: Job) -> Sources:
 
 
 class Worker:
-    """The state of a process that renders, and its tasks.
-
-    Args:
-        job: the job to render.
-        tick: function to report with how many more things are done.
-    """
+    """A process that renders, and its tasks; `tick` is told how many more things are done."""
 
     def __init__(self, job: Job, tick: Callable[[int], None]):
         variants.activate(job.choice, threads=1)

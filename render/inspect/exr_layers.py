@@ -63,9 +63,11 @@ def export(corpus: Path, split: str, index: int, out: Path) -> Path:
 
     Raises:
         FileNotFoundError: if the split is incomplete.
-        ValueError: if there is no such example, or its shard is damaged.
+        ValueError: if `out` has another suffix, there is no such example, or its shard is damaged.
         OSError: if a file cannot be written.
     """
+    if out.suffix.lower() != ".exr":
+        raise ValueError(f"{out} would be no OpenEXR: name it .exr")
     example = read(Split(corpus, split), index)
     channels = [("R", oiio.FLOAT), ("G", oiio.FLOAT), ("B", oiio.FLOAT)]
     images = [colour.srgb_to_linear(example["image"])]
@@ -134,7 +136,7 @@ def _write(
     with atomic.replacing(path) as partial:
         file = oiio.ImageOutput.create(str(partial))
         if file is None:
-            raise OSError(f"{path} cannot be written: {oiio.geterror()}; name it .exr")
+            raise OSError(f"{path} cannot be written: {oiio.geterror()}")
         written = file.open(str(partial), spec) and file.write_image(np.ascontiguousarray(pixels))
         if not (file.close() and written):
             raise OSError(f"{path} cannot be written: {file.geterror()}; make room on its disk")

@@ -40,18 +40,17 @@ def write_views(
 ) -> None:
     """Write `count` pictures of each map of the train split, `NAME-00.png` and so on.
 
-    Args:
-        folder: folder of the maps.
-        out: folder of the pictures.
-        count: number of pictures of each map.
-        on_picture: called with (done, total) after each picture.
-
     Raises:
         OSError: if a picture cannot be written.
         ValueError: if the folder holds too few maps, or a map cannot be read.
     """
     out.mkdir(parents=True, exist_ok=True)
     paths = sources.files(folder, "train", environments.EXTENSIONS)
+    stems = [path.stem for path in paths]
+    if alike := [path.name for path in paths if stems.count(path.stem) > 1]:
+        raise ValueError(
+            f"the pictures of {' and '.join(alike)} would have the same names: rename a map"
+        )
     for number, path in enumerate(paths):
         maps = np.asarray(backgrounds.read(path)[0].get_pixels(oiio.FLOAT))
         maps = maps[..., :3] if maps.shape[2] >= 3 else np.repeat(maps[..., :1], 3, axis=2)

@@ -294,6 +294,22 @@ def test_an_empty_split_is_refused(run, tmp_path, capsys):
     assert "holds no examples" in _fails(capsys, tmp_path, "--weights", run)
 
 
+def test_pictures_of_the_user_stay_beside_the_examples(corpus, run, written, tmp_path):
+    out = tmp_path / "out"
+    (out / "examples").mkdir(parents=True)
+    mine = [out / "examples" / name for name in ("1.png", "2024-trip.png", "99999.png")]
+    for path in mine:
+        path.write_bytes(b"mine")
+    command = [str(corpus), "--weights", str(run), "--out", str(out)]
+    assert cli.main(command) == 0
+    assert all(path.is_file() for path in mine)
+    # Now 99999.png counts as an example of the earlier report.
+    assert cli.main(command) == 0
+    assert [path.is_file() for path in mine] == [True, True, False]
+    names = {path.name for path in (written / "examples").iterdir()}
+    assert names == {path.name for path in (out / "examples").iterdir()} - {"1.png", mine[1].name}
+
+
 def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
     """The record's checksum is right, so only decoding finds it."""
     shutil.copytree(corpus, tmp_path / "corpus")

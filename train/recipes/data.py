@@ -27,10 +27,6 @@ _NAMED = 10
 def training_files(data: Path, kind: str) -> list[Path]:
     """Return the files of DATA that training may see, those of validation among them, sorted.
 
-    Args:
-        data: folder with `meshes` and `environments`.
-        kind: a key of `SUFFIXES`.
-
     Raises:
         FileNotFoundError: if the folder is missing, or holds too few files to keep some out.
     """

@@ -28,6 +28,7 @@ from typing import Any
 
 from lime_keras.io import atomic, locking, untrusted
 from lime_keras.model import folder as model_folder
+from lime_keras.model import gloss_file
 from lime_keras.version import __version__, installed
 
 from ..provenance import commit, differences
@@ -76,6 +77,8 @@ def carry_out(
             f"the recipe {name} reads meshes and maps: pass --data with a folder that has "
             f"{' and '.join(data.SUFFIXES)} (docs/reference/data.md)"
         )
+    if data_folder is not None and not chosen.reads_data:
+        raise ValueError(f"the recipe {name} reads no meshes and maps: leave out --data")
     if reuse is not None and not (reuse / "steps").is_dir():
         raise FileNotFoundError(f"{reuse} holds no run of a recipe: check --reuse")
     with locking.lock_folder(folder, "lime-train carries out a recipe in"):
@@ -265,7 +268,7 @@ class _Run:
                 taken[name] = untrusted.read_json(_record_path(self._folder, name))
         record = untrusted.read_json(trained / "config.json")
         record |= {"recipe": self._record, "steps": taken}
-        with atomic.replacing(self._folder / "model") as partial:
+        with gloss_file.kept(self._folder), atomic.replacing(self._folder / "model") as partial:
             shutil.copytree(trained / "model", partial)
             atomic.write(partial / "training.json", json.dumps(record, indent=1) + "\n")
         with atomic.replacing(self._folder / "onnx") as partial:

@@ -228,6 +228,9 @@ async function once(own = run) {
 function release() {
   source?.stop();
   source = null;
+  frozen = false;
+  stopPainting();
+  press("freeze", false);
   $("freeze").disabled = $("brush").disabled = true;
   $("speed").hidden = true;
 }

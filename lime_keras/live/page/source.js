@@ -54,7 +54,7 @@ export async function openPhoto(blob, name, decode) {
  * pixels is made smaller by a whole factor, in linear light: the browser's own scaling changes the
  * estimate.
  */
-function reduced(bitmap) {
+function reduced(bitmap, isStraight = false) {
   const factor = Math.ceil(Math.max(bitmap.width, bitmap.height) / LONGEST);
   if (factor === 1) return composed(bitmap);
   const [width, height] = [Math.floor(bitmap.width / factor), Math.floor(bitmap.height / factor)];
@@ -64,7 +64,7 @@ function reduced(bitmap) {
   const rows = Math.max(1, Math.floor(2e6 / (bitmap.width * factor)));
   const canvas = new OffscreenCanvas(bitmap.width, rows * factor);
   const context = canvas.getContext("2d", { willReadFrequently: true });
-  let seeThrough = false;
+  let [least, largest] = [255, 0];
   for (let top = 0; top < height; top += rows) {
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.drawImage(bitmap, 0, -top * factor);
@@ -75,7 +75,9 @@ function reduced(bitmap) {
         for (let r = 0; r < factor; r++) {
           let at = 4 * (((row - top) * factor + r) * bitmap.width + column * factor);
           for (let c = 0; c < factor; c++, at += 4) {
-            const opacity = data[at + 3];
+            const opacity = isStraight ? 255 : data[at + 3];
+            least = Math.min(least, opacity);
+            largest = Math.max(largest, opacity);
             for (let k = 0; k < 3; k++) {
               sums[k] += LINEAR[opacity === 255 ? data[at + k] : Math.round((data[at + k] * opacity) / 255)];
             }
@@ -88,11 +90,16 @@ function reduced(bitmap) {
         }
         image.data[4 * to + 3] = 255;
         alpha[to] = Math.round(sums[3] / (factor * factor));
-        seeThrough ||= alpha[to] < 255;
       }
     }
   }
-  return { image, mask: seeThrough ? alpha : null };
+  if (least === 255) return { image, mask: null };
+  return masksObject(least, largest) ? { image, mask: alpha } : reduced(bitmap, true);
+}
+
+/** Whether alpha from `least` to `largest` masks an object, as in Python (`photo._alpha_of`). */
+function masksObject(least, largest) {
+  return largest >= 128 && least < largest;
 }
 
 /** A bitmap, pixel for pixel, as ImageData over black, and its alpha as a mask or null. */
@@ -102,12 +109,17 @@ function composed(bitmap) {
   context.drawImage(bitmap, 0, 0);
   const image = context.getImageData(0, 0, bitmap.width, bitmap.height);
   const { data } = image;
-  let mask = null;
+  let [least, largest] = [255, 0];
   for (let at = 3; at < data.length; at += 4) {
-    if (data[at] === 255) continue;
-    mask ??= new Uint8Array(data.length / 4).fill(255);
-    mask[(at - 3) / 4] = data[at];
-    for (let k = at - 3; k < at; k++) data[k] = Math.round((data[k] * data[at]) / 255);
+    least = Math.min(least, data[at]);
+    largest = Math.max(largest, data[at]);
+  }
+  const mask = masksObject(least, largest) ? new Uint8Array(data.length / 4) : null;
+  for (let at = 3; least < 255 && at < data.length; at += 4) {
+    if (mask) {
+      mask[(at - 3) / 4] = data[at];
+      for (let k = at - 3; k < at; k++) data[k] = Math.round((data[k] * data[at]) / 255);
+    }
     data[at] = 255;
   }
   return { image, mask };

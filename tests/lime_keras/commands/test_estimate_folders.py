@@ -11,7 +11,7 @@ import pytest
 
 from lime_keras.commands import estimate as estimate_cli
 from lime_keras.estimate.estimator import Estimator
-from lime_keras.io import locking
+from lime_keras.io import locking, untrusted
 from lime_keras.io.photo import read_srgb, write
 from lime_keras.render.commands import clone
 
@@ -294,3 +294,20 @@ def test_one_mask_for_two_photos_is_refused_before_anything_is_done(tmp_path, ca
     for name in ("one/a.png", "two/a.png"):
         write(masks / name, photo()[..., 3:])
     assert run(tmp_path / "photos", "--mask", masks, out=tmp_path / "out") == 0
+
+
+def test_a_video_that_cannot_be_read_leaves_the_others(clip, tmp_path, monkeypatch, capsys):
+    other = tmp_path / "a.mkv"
+    other.write_bytes(clip.read_bytes())
+    sha256 = untrusted.sha256
+
+    def locked(path):
+        if Path(path) == other:
+            raise PermissionError(13, "Permission denied", str(path))
+        return sha256(path)
+
+    monkeypatch.setattr(untrusted, "sha256", locked)
+    out = tmp_path / "out"
+    assert estimate_cli.main([str(other), str(clip), "--out", str(out)]) == 1
+    assert f"Permission denied: '{other}'" in capsys.readouterr().err
+    assert (out / "clip.json").is_file() and not (out / "a.json").exists()

@@ -67,7 +67,13 @@ def test_what_is_not_there_is_told_before_anything_is_loaded(arguments, told, ca
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--port", "65536"], ["--port", "-1"], ["--camera", "--photo", "a.jpg"]]
+    "arguments",
+    [
+        ["--port", "65536"],
+        ["--port", "-1"],
+        ["--camera", "--photo", "a.jpg"],
+        ["--static", "site", "--precision", "int8"],
+    ],
 )
 def test_wrong_usage(arguments):
     with pytest.raises(SystemExit) as stop:

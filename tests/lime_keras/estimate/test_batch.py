@@ -3,6 +3,7 @@
 import functools
 import subprocess
 import sys
+from concurrent.futures import Future
 
 import numpy as np
 import OpenImageIO as oiio
@@ -130,3 +131,21 @@ def test_the_command_loads_mitsuba_before_tensorflow(picture, tiny_model, mesh, 
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "photo-clone.png").is_file()
+
+
+def test_a_photo_that_is_written_while_the_run_is_interrupted_is_finished(
+    estimator, picture, tmp_path, monkeypatch
+):
+    """As by Ctrl-C, which falls into the wait for the writer."""
+    photo.write(tmp_path / "a.png", picture[0])
+    results = Results(tmp_path / "out", "weights", {})
+    batch = Batch(results, Printer(for_people=False))
+
+    def interrupted(future, timeout=None):
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Future, "result", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        batch.run(estimator, {"a": tmp_path / "a.png"})
+    assert list(batch.finished) == ["a"] and (tmp_path / "out" / "a.json").is_file()

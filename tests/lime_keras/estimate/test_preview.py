@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lime_keras.estimate import preview
+from lime_keras.estimate.framing import Square
 from lime_keras.material import Caution, Material
 from lime_keras.optics import colour, shading, studio_light
 from lime_keras.optics.compositing import compose
@@ -148,3 +149,9 @@ def test_the_caption_leaves_out_what_is_not_known():
     first = "m_d 0.10 0.20 0.30    m_s 0.50    s 123 (2.0 to 501)"
     third = "covers 50.0%    mask confidence 0.91"
     assert preview.caption(found.to_json()) == [words, first, third]
+
+
+def test_a_square_beyond_the_photo_is_black():
+    """A poor network may find its object in the repeated edge of a narrow photo alone."""
+    tile = preview._crop(np.ones((60, 300, 3)), Square(-100, 0, 50), is_photo=True)
+    assert tile.shape == (preview.TILE, preview.TILE, 3) and not tile.any()

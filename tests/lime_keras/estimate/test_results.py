@@ -177,6 +177,28 @@ def test_an_unfinished_recording_is_made_again(tmp_path, photo):
         assert not (tmp_path / "out" / "clip.csv").exists()
 
 
+def test_files_of_any_number_are_in_the_way_and_go_with_an_unfinished_result(tmp_path, photo):
+    found, out = results(tmp_path), tmp_path / "out"
+    made, ends = found.provenance(photo, {}), [".csv", "-scene-*.mtl"]
+    out.mkdir(exist_ok=True)
+    mine = out / "clip-scene-2.mtl"
+    mine.write_text("mine")
+    with pytest.raises(ValueError, match=r"clip-scene-2.mtl is there, and no part"):
+        with found.growing("clip", made, ends):
+            raise AssertionError("never reached")
+    assert mine.read_text() == "mine" and not (out / "clip.json").exists()
+    mine.unlink()
+    with pytest.raises(KeyboardInterrupt), found.growing("clip", made, ends):
+        mine.write_text("of the second scene")
+        raise KeyboardInterrupt
+    with found.growing("clip", made, ends):
+        assert not mine.exists()
+    with pytest.raises(ValueError, match="broken"), found.growing("clip", made, ends):
+        mine.write_text("of the second scene")
+        raise ValueError("broken")
+    assert not mine.exists()
+
+
 def test_files_elsewhere_are_never_taken_for_parts_of_a_result(tmp_path, photo):
     found = results(tmp_path, overwrite=True)
     write(found, photo, name="a")

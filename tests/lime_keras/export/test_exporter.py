@@ -14,8 +14,9 @@ from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.export import exporter, formats, parity, quantisation
 from lime_keras.model import folder as model_folder
-from lime_keras.model import weights
+from lime_keras.model import gloss_file, weights
 from lime_keras.networks import assemble, output_names
+from lime_keras.optics import gloss
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime import onnx_graphs
 from lime_keras.runtime.keras_engine import KerasEngine
@@ -176,6 +177,7 @@ def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path
     run = tmp_path / "run"
     shutil.copytree(tiny_model, run / "model")
     (run / "model" / "training.json").write_text(record, encoding="utf-8")
+    (run / "model" / gloss_file.NAME).write_text('{"even": 1.5, "slope": 2.5}', encoding="utf-8")
     tiny_model = run
     arguments = [str(out), "--format", "weights", "--weights", str(tiny_model)]
     assert export_cli.main(arguments) == 0
@@ -187,10 +189,35 @@ def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path
     card = json.loads((out / "model" / "lime.json").read_text(encoding="utf-8"))
     assert card["precision"] == "float16" and card["colour_space"] == "sRGB"
     assert (out / "model" / "training.json").read_text(encoding="utf-8") == record
+    assert gloss_file.read(out) == gloss.Calibration(1.5, 2.5)
     with pytest.raises(ValueError, match="leave out what is to be answered"):
         exporter.export(out, "weights", tiny_model, ["mask"])
     with pytest.raises(ValueError, match="the format weights is float16, not float32"):
         exporter.export(out, "weights", tiny_model, precision="float32")
+
+
+def test_graphs_of_another_model_replace_the_first_ones_records(tmp_path):
+    def model(name, *files):
+        (tmp_path / name / "model").mkdir(parents=True)
+        for file in files:
+            (tmp_path / name / "model" / file).write_text(name, encoding="utf-8")
+        return tmp_path / name
+
+    def there(run):
+        return {path.name: path.read_text() for path in (run / "model").iterdir()}
+
+    first = model("first", "architecture.json", "gloss.json", "mask.weights.h5")
+    second, out = model("second", "architecture.json"), tmp_path / "out"
+    exporter._complete(out, first)
+    assert there(out) == {"architecture.json": "first", "gloss.json": "first"}
+    exporter._complete(out, second)
+    assert there(out) == {"architecture.json": "second"}
+    before = there(first)
+    for source in (first, second):  # a model with weights of its own, and the same folder
+        exporter._complete(first, source)
+        assert there(first) == before
+    exporter._complete(second, second / "model")
+    assert there(second) == {"architecture.json": "second"}
 
 
 @pytest.mark.slow

@@ -222,6 +222,14 @@ def test_pictures_that_browsers_cannot_read_are_decoded(server):
     answer, content = ask(server, "POST", "/decode", file.getvalue(), X_Suffix=".TIF")
     assert answer.headers["Content-Type"] == "image/png"
     assert np.array_equal(np.asarray(Image.open(io.BytesIO(content))), FRAME)
+    alpha = np.zeros((*FRAME.shape[:2], 1), np.uint8)
+    alpha[10:30, 20:50] = 255
+    file = io.BytesIO()
+    Image.fromarray(np.dstack([FRAME, alpha])).save(file, "TIFF")
+    _, content = ask(server, "POST", "/decode", file.getvalue(), X_Suffix=".tif")
+    decoded = np.asarray(Image.open(io.BytesIO(content)))
+    assert np.array_equal(decoded[..., 3:], alpha)
+    assert np.array_equal(decoded[10:30, 20:50, :3], FRAME[10:30, 20:50])
     answer, content = ask(server, "POST", "/decode", b"nothing", X_Suffix=".exr")
     told = json.loads(content)["error"]
     assert answer.status == 400 and "the picture" in told and "/tmp" not in told

@@ -68,6 +68,8 @@ def test_a_page_replaces_a_page_and_nothing_else(written, tmp_path):
     assert (tmp_path / "mine" / "thesis.tex").is_file()
     with pytest.raises(ValueError, match="is a file"):
         static.check(tmp_path / "mine" / "thesis.tex")
+    with pytest.raises(ValueError, match="cannot be replaced: name a folder in it"):
+        static.check(Path("."))
 
 
 def test_a_folder_without_a_model_is_refused(tmp_path):

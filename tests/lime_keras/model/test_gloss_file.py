@@ -1,5 +1,7 @@
 """The calibration of the words for a gloss, beside a model's weights."""
 
+import shutil
+
 import pytest
 
 from lime_keras.model import folder as model_folder
@@ -27,3 +29,22 @@ def test_a_damaged_one_is_refused_with_its_name(tmp_path, text):
 def test_every_set_that_ships_has_its_own():
     found = {name: gloss_file.read(run) for name, run in model_folder.shipped().items()}
     assert gloss.DEFAULT not in found.values() and len(set(found.values())) == len(found)
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_it_is_kept_while_the_weights_are(tmp_path, changed):
+    model, text = tmp_path / "model", '{"even": 1.5, "slope": 2.25}'
+
+    def write(weights):
+        shutil.rmtree(model, ignore_errors=True)
+        model.mkdir()
+        (model / "architecture.json").write_text("{}")
+        (model / "albedo.weights.h5").write_bytes(weights)
+
+    with gloss_file.kept(tmp_path):  # nothing is there yet
+        write(b"weights")
+    (model / gloss_file.NAME).write_text(text)
+    with gloss_file.kept(tmp_path):
+        write(b"others" if changed else b"weights")
+    assert (model / gloss_file.NAME).is_file() != changed
+    assert changed or (model / gloss_file.NAME).read_text() == text

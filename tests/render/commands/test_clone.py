@@ -9,7 +9,8 @@ from lime_keras.render.mitsuba_setup import variants
 
 
 @pytest.mark.parametrize(
-    ("words", "up", "shadow"), [([], "y", False), (["--up", "z", "--shadow"], "z", True)]
+    ("words", "up", "shadow"),
+    [([], "y", False), (["--up", "y"], "y", False), (["--up", "z", "--shadow"], "z", True)],
 )
 def test_the_mesh_stands_as_the_options_say(words, up, shadow, monkeypatch, tmp_path):
     """A result remembers the options, so that other ones make it anew."""
@@ -23,7 +24,7 @@ def test_the_mesh_stands_as_the_options_say(words, up, shadow, monkeypatch, tmp_
     assert clone.main(["cup.jpg", "--clone-onto", str(mesh), *words]) == 0
     options, changing, make_clone = passed
     assert options.clone_onto == mesh and len(changing["clone-onto"]) == 16
-    assert (changing["up"] or "y", changing["shadow"]) == (up, shadow)
+    assert (changing["up"], changing["shadow"]) == (None if up == "y" else up, shadow)
     make_clone()("photo", "mask")
     assert rendered == {"mesh_path": mesh, "up": up, "shadow": shadow}
 

@@ -121,8 +121,8 @@ def test_a_shard_of_other_examples_is_refused(tmp_path):
 
 
 def test_a_file_that_cannot_be_written_is_told(corpus, tmp_path):
-    with pytest.raises(OSError, match=r"example.nothing cannot be written: "):
-        exr_layers.export(corpus, "test", 0, tmp_path / "example.nothing")
+    with pytest.raises(ValueError, match=r"example.png would be no OpenEXR: name it .exr"):
+        exr_layers.export(corpus, "test", 0, tmp_path / "example.png")
     (tmp_path / "example.exr").mkdir()
     with pytest.raises(IsADirectoryError, match=r"example.exr"):
         exr_layers.export(corpus, "test", 0, tmp_path / "example.exr")

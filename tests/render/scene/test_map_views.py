@@ -33,3 +33,12 @@ def test_any_radiance_gives_a_picture(value):
     picture = map_views.view(np.full((4, 8, 3), value), np.random.default_rng(0))
     assert picture.shape == (map_views.HEIGHT, map_views.WIDTH, 3)
     assert np.isfinite(picture).all() and 0 <= picture.min() <= picture.max() <= 1
+
+
+def test_two_maps_of_one_name_are_refused(tmp_path):
+    for split in ("train", "test"):
+        (tmp_path / split).mkdir()
+    for name in ("room.hdr", "room.exr", "hall.exr"):
+        (tmp_path / "train" / name).write_bytes(name.encode())
+    with pytest.raises(ValueError, match=r"room\.\w+ and room\.\w+ would have the same names"):
+        map_views.write_views(tmp_path, tmp_path / "out", 1, lambda done, total: None)

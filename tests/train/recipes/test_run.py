@@ -165,6 +165,8 @@ def test_another_recipe_or_other_data_are_refused(own, folder, commands, tmp_pat
         run.carry_out(own, out, data_folder=other)
     with pytest.raises(ValueError, match="reads meshes and maps: pass --data"):
         run.carry_out(own, tmp_path / "new")
+    with pytest.raises(ValueError, match="builtin reads no meshes and maps: leave out --data"):
+        run.carry_out("builtin", tmp_path / "new", data_folder=folder)
     (out / "recipe.json").write_text("[]")
     with pytest.raises(ValueError, match=r"recipe.json cannot be read as the record of a recipe"):
         run.carry_out(own, out, data_folder=folder)
