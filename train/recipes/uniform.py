@@ -5,10 +5,10 @@
 
 Its SpecularNet reads the split of colours, too, which finds S better on renders, and loses
 highlights of prints on photographs; it learns from nothing. The mask is that of `live`, as it comes
-with the package, whose encoders and M are trained on. All of it learns in bfloat16, as S, M and
-the encoders of `live` do; in float32 a batch of SpecularNet takes a second of two cores. Some 5
-hours of one core, or 4 with --reuse of a run of `live`, which has the corpora (estimated from
-rates, see docs/how-to/recipes.md). 15 GB of disk.
+with the package. The encoders and M begin with those of `live`; M learns for a third as long as
+there. All of it learns in bfloat16, as S, M and the encoders of `live` do. Some 5 hours of one
+core, or 4 with --reuse of a run of `live`, which has the corpora (estimated from rates, see
+docs/how-to/recipes.md). 15 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).
 """
@@ -28,7 +28,9 @@ RECIPE = Recipe(
         for name, training in {
             "light": dataclasses.replace(shared.LIGHT_128, stages=("specular",), start_from="live"),
             "material": dataclasses.replace(shared.MATERIAL, materials=("uniform",)),
-            "mirror": dataclasses.replace(shared.MIRROR, materials=("uniform",)),
+            "mirror": dataclasses.replace(
+                shared.MIRROR, steps=2_000, photos=16_000, materials=("uniform",)
+            ),
         }.items()
     },
     validation=dataclasses.replace(shared.VALIDATION, materials="uniform"),
