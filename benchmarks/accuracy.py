@@ -29,7 +29,7 @@ def main() -> None:
     record.add_option(options)
     arguments = options.parse_args()
     console.import_tensorflow()
-    results = record.ROOT / "results" / "accuracy"
+    results = record.ROOT / "results" / f"accuracy-{CODE}"
     columns: dict[str, dict[str, record.Figure]] = {}
     for name in arguments.weights:
         evaluated = kept.evaluation(results, model_folder.find(name), arguments.corpus)

@@ -114,14 +114,19 @@ def _measure(
     right = (likely > 0.5) == glossy
     sides = np.maximum(likely, 1 - likely)
     named, sure = sides >= gloss.EVEN, sides >= gloss.SURE
+    everything = np.ones(len(levels), bool)
     shares = {
-        "named": named.mean(),
-        "named_right": right[named].mean() if named.any() else np.nan,
-        "sure": sure.mean(),
-        "sure_right": right[sure].mean() if sure.any() else np.nan,
+        "named": (named, everything),
+        "named_right": (right, named),
+        "sure": (sure, everything),
+        "sure_right": (right, sure),
     }
-    count = len(levels)
-    return {name: record.Figure(float(share), None, count) for name, share in shares.items()}
+    return {
+        name: record.Figure(
+            float(of[among].mean()) if among.any() else np.nan, None, int(among.sum())
+        )
+        for name, (of, among) in shares.items()
+    }
 
 
 def _sentence(measured: dict[str, record.Figure]) -> str:

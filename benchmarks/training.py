@@ -109,7 +109,8 @@ def _photos(corpus: Path, preset: str, count: int, steps: int) -> None:
             # Made the first time that a stage needs them.
             data = Data([corpus], config, Path(folder))
             subnetworks = build(architecture, seed=0)
-            model = StageModel({name: subnetworks[name] for name in stage.subnetworks})
+            own = {name: subnetworks[name] for name in stage.subnetworks}
+            model = StageModel(own, losses=schedule.losses)
             model.compile(optimizer=keras.optimizers.Adam(stage.learning_rate))
             features = data.with_input_mask(stage, model.features)
             began = time.perf_counter()

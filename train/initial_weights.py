@@ -9,6 +9,7 @@ from keras import ops
 
 from lime_keras.model import weights
 from lime_keras.networks.architecture import ENCODER_BLOCKS
+from lime_keras.networks.registry import is_plain
 
 
 def load(model: Path | None, subnetworks: Mapping[str, keras.Model]) -> list[str]:
@@ -46,7 +47,7 @@ def _fit(network: keras.Model, other: keras.Model) -> list[np.ndarray] | None:
     """Return the weights of another network for this one, or None if its layers differ."""
     cells, before = (one.inputs[0].shape[1] // 2**ENCODER_BLOCKS for one in (network, other))
     values = other.get_weights()
-    if len(values) != len(network.weights):
+    if len(values) != len(network.weights) or is_plain(network) != is_plain(other):
         return None
     for index, weight in enumerate(network.weights):
         if cells != before and weight.path.endswith("dense1/kernel"):

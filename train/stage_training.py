@@ -183,7 +183,8 @@ def evaluate(
     for batch in batches:
         examples += len(batch["mask"])
         shares, weights = devices.split(batch), devices.weights(batch)
-        losses.append(model.test_on_batch(shares, sample_weight=weights, return_dict=True))
+        loss = model.test_on_batch(shares, sample_weight=weights, return_dict=True)
+        losses += [loss] * len(batch["mask"])  # the last batch may be smaller
     return means(losses), model.measured() if examples else {}, examples
 
 

@@ -96,8 +96,14 @@ def train(
         # Open: what is there agrees with the config, and among the processes.
         data = Data(paths, config, run, split, on_making, cutouts)
         hosts.assert_same({"options or data": dataclasses.asdict(config), "--devices": devices})
+        is_new = not config_path(run).exists()
         claim(run, paths, config, leads=split.leads)
-        opened = _Run(run, config, data, split, tell, only, reuse, start_from)
+        try:
+            opened = _Run(run, config, data, split, tell, only, reuse, start_from)
+        except (ValueError, FileNotFoundError):
+            if is_new and split.leads:  # so that the same folder takes the options that are mended
+                config_path(run).unlink()
+            raise
         opened.learn()
         opened.evaluate()
     return opened.untrained

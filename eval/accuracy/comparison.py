@@ -97,6 +97,8 @@ def _is_the_papers(config: Mapping[str, Any], architecture: Architecture) -> boo
     parts = ("pretrained", "dichromatic", "hue", "mask_contrast", "linear")
     return (
         schedule.items() >= wanted.items()
+        and schedule.get("rate") is None
+        and schedule.get("average") is None
         and all(getattr(architecture, name) == getattr(PRESETS["paper"], name) for name in parts)
         and (config.get("lobe"), config.get("precision")) == ("printed", "float32")
         and config.get("plain_scenes", True)
@@ -106,12 +108,14 @@ def _is_the_papers(config: Mapping[str, Any], architecture: Architecture) -> boo
 
 def _scale(config: Mapping[str, Any], architecture: Architecture) -> str:
     """Return what is smaller than in the paper, in words; nothing for a run of its size."""
-    whole, steps = PRESETS["paper"], config.get("steps_scale", 1.0)
+    whole, scale = PRESETS["paper"], config.get("steps_scale", 1.0)
+    steps = config.get("schedule", {}).get("steps")
     said = _true(
         {
             f"{architecture.size} px": architecture.size != whole.size,
             f"{architecture.unet_width} wide": architecture.unet_width != whole.unet_width,
-            f"{steps:g} of the batches": steps != 1,
+            f"{scale:g} of the batches": scale != 1,
+            f"{steps} batches a stage": steps is not None,
         }
     )
     return f" at {', '.join(said)}" if said else ""

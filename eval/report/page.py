@@ -45,11 +45,7 @@ def measured(title: str, text: str, pictures: Iterable[Picture], *, command: str
 
 
 def whole(sections: Sequence[tuple[str, str, str]]) -> str:
-    """Return the report as HTML that needs no other file and no network.
-
-    Args:
-        sections: name, title and HTML of each section, in order.
-    """
+    """Return the report of sections, each (name, title, HTML), as HTML that needs no other file."""
     shown = [{"name": name, "title": title, "html": Markup(html)} for name, title, html in sections]
     return rendered("report.html", sections=shown)
 

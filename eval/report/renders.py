@@ -53,6 +53,8 @@ def pairs(example: Example) -> list[Pair]:
     if "reflectance_map" in estimate:
         sphere = disc(len(truth["mask"]))
         batch = {name: np.asarray(value)[None] for name, value in truth.items()}
+        factor = shading.lobe_factor(truth["shininess"], example.lobe)
+        batch["specular_albedo"] = batch["specular_albedo"] * factor
         true = np.asarray(true_reflectance_map(batch))[0]
         predicted = estimate["reflectance_map"]
         layers.append(_hdr_pair("Reflectance map", true, predicted, sphere))

@@ -20,6 +20,7 @@ from tqdm import tqdm
 from lime_keras import console, processors
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.export.parity import ParityError
+from lime_keras.io import untrusted
 from lime_keras.live import server
 from lime_keras.model import folder as model_folder
 from lime_keras.runtime import engine as runtime
@@ -135,6 +136,8 @@ def _errors(
 
     of_what = kept.weights_of(run) | kept.corpus_of(corpus)
     inputs: dict[str, Any] = {**of_what, "camera": camera, "precision": precision}
+    if precision == "int8":
+        inputs["calibration"] = untrusted.sha256(Split(corpus, "train").manifest_path)
     return kept.value(results, "errors", inputs, make)
 
 

@@ -1,17 +1,19 @@
 """The files of the models that are compared: graphs in each precision, a SavedModel, and a page.
 
-They are written once into a folder, and again when they are of other weights.
+They are written once into a folder, and again when they are of other weights or another version.
 """
 
 from collections.abc import Mapping
 from pathlib import Path
 
+from lime_keras.data.corpus import Split
 from lime_keras.export import exporter, graphs
-from lime_keras.io import atomic
+from lime_keras.io import atomic, untrusted
 from lime_keras.live import static
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import PRESETS, build
+from lime_keras.version import __version__
 
 from . import browser
 from .cases import BROWSER, PAPER, SAVED_MODEL, TimedUse
@@ -24,13 +26,8 @@ class Unavailable(RuntimeError):
 def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -> Path:
     """Return what a case runs: the folder of a model, a SavedModel or a page.
 
-    It is written if it is missing.
-
-    Args:
-        case: the case.
-        runs: folder of each trained model, by name.
-        corpus: corpus on whose train split graphs in eight bits are calibrated.
-        folder: folder of the files that are written.
+    It is written into `folder` if it is missing; the train split of `corpus` calibrates graphs in
+    eight bits.
 
     Raises:
         Unavailable: if the case cannot be run here.
@@ -39,24 +36,28 @@ def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -
     if case.model == PAPER:
         return _untrained(home)
     run = runs[case.model]
+    mark = home / f"{case.runtime}-{case.precision}.made-of"
+    of_what = f"{model_folder.digest(run)} {__version__}"
+    if case.precision == "int8":
+        of_what += " " + untrusted.sha256(Split(corpus, "train").manifest_path)
+    is_made = mark.is_file() and mark.read_text() == of_what
     if case.runtime in (SAVED_MODEL, BROWSER):
         is_page = case.runtime == BROWSER
         written = home / "page" if is_page else exporter.target(home, exporter.SAVED_MODEL)
-        mark, digest = home / f"{case.runtime}.weights", model_folder.digest(run)
         if is_page and (lack := browser.missing()):
             raise Unavailable(lack)
-        if not (written.is_dir() and mark.is_file() and mark.read_text() == digest):
+        if not (written.is_dir() and is_made):
             if is_page:
                 _write_page(written, run)
             else:
                 exporter.export(home, exporter.SAVED_MODEL, run)
-            atomic.write(mark, digest)
+            atomic.write(mark, of_what)
         return written
     if case.precision == "float32":
         return run
-    description = model_folder.read_description(model_folder.graphs(home, case.precision))
-    if description is None or description.weights != model_folder.digest(run):
+    if not (is_made and model_folder.read_description(model_folder.graphs(home, case.precision))):
         exporter.export(home, exporter.GRAPHS, run, precision=case.precision, corpus=corpus)
+        atomic.write(mark, of_what)
     return home
 
 

@@ -29,9 +29,6 @@ def scored(rows: Sequence[Row]) -> list[str]:
     """Return the measures of `SCORED` that all models have, so that scores can be compared.
 
     A measure whose chance is 0, because all test images have the same truth, is left out.
-
-    Args:
-        rows: `errors` and `chance` of each model, by measure.
     """
     return [
         name

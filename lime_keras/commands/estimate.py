@@ -377,12 +377,16 @@ def _estimate_video(
 ) -> dict[str, Any] | None:
     """Estimate a video and print its material; return the content of its JSON, None if it fails."""
     from lime_keras.estimate import interchange
+    from lime_keras.io.video_reader import Footage
     from lime_keras.video.estimate_video import estimate_video
 
     target = results.json(name)
     ends = (*_VIDEO_ENDS, *(f"-scene-*{end}" for end in _SCENE_ENDS))
     try:
         made_with = provenance()
+        if target.exists():  # an earlier result makes room for one whose source can be opened
+            with Footage(source) as footage:
+                next(iter(footage), None)
     except (OSError, ValueError) as error:
         printer.error(str(error))
         return None

@@ -65,10 +65,6 @@ def update(out: Path, contents: Mapping[str, Mapping[str, Any]]) -> None:
 
     Results that are no longer there are left out.
 
-    Args:
-        out: folder of the results.
-        contents: content of the JSON of each new result, by name.
-
     Raises:
         ValueError: if the table, or a result that it lists, holds what no such file holds.
         OSError: if a file cannot be written.
@@ -122,12 +118,12 @@ def _card(row: dict[str, Any], scene: Mapping[str, Any], content: Mapping[str, A
     """Return the HTML of a row, with the keys to sort it by."""
     folder, stem = Path(row["json"]).parent, Path(row["json"]).stem
     title = (folder / stem).as_posix() if folder.name != stem else folder.as_posix()
-    files = content["files"]
+    start = stem
     if len(content.get("scenes", ())) > 1:
         title += f", scene {row['scene']}"
-        start = f"{stem}-scene-{row['scene']}"
-        files = [f for f in files if f.startswith((f"{start}.", f"{start}-"))]
-    shown = {label: file for end, label in _VIEWED.items() for file in files if file.endswith(end)}
+        start += f"-scene-{row['scene']}"
+    named = {label: start + end for end, label in _VIEWED.items()}
+    shown = {label: file for label, file in named.items() if file in content["files"]}
     keys = {"name": title.casefold()} | _keys(row)
     data = " ".join(f'data-{name}="{html.escape(str(key))}"' for name, key in keys.items())
     links = [

@@ -15,11 +15,6 @@ from lime_keras.version import __version__
 def card(architecture: Architecture, network: keras.Model, precision: str) -> dict[str, Any]:
     """Return the model card of an assembled network, a dictionary for JSON.
 
-    Args:
-        architecture: architecture of the network's subnetworks.
-        network: network that `lime_keras.networks.assemble` returned.
-        precision: precision of the written weights.
-
     Returns:
         `package`, `version`, `preset` (None if the architecture is none of the presets),
         `architecture`, `description` and `precision`. For the input, `image`: `input_shape`,

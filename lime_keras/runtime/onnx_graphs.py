@@ -37,11 +37,7 @@ def open_folder(folder: Path) -> "OnnxGraphs":
 
 
 def open_file(path: Path) -> "OnnxGraphs":
-    """Return the engine of the one ONNX file of a whole model, by the card in it.
-
-    Args:
-        path: file that `lime_keras.export.formats.finish_onnx` wrote.
-    """
+    """Return the engine of the one ONNX file of a whole model, by the card in it."""
     import onnx
 
     card = {one.key: one.value for one in onnx.load(path).metadata_props}

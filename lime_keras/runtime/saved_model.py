@@ -17,9 +17,6 @@ CARD = Path("assets.extra") / "lime.json"
 class SavedModel:
     """An `Answering` of a SavedModel folder; a single output is computed by its own signature.
 
-    Args:
-        path: folder that `lime_keras.export.formats.write_saved_model` wrote.
-
     Attributes:
         size: height and width of the images in pixels.
 

@@ -94,6 +94,7 @@ def estimate_video(
         source: path of a video file, or name of a camera (see `video_reader.Footage`).
         estimator: estimator of single frames; by default that of the weights for photos.
         folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials; made if it is missing.
+            Files of these names are replaced.
         name: NAME of the files; by default that of the video.
 
     Returns:

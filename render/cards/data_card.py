@@ -4,6 +4,7 @@ It says what the manifests record, and nothing that they do not: licences and au
 meshes and maps are the user's to add.
 """
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
@@ -30,6 +31,7 @@ def text(name: str, parts: Sequence[Split]) -> str:
     count = sum(part.count for part in parts)
     return Template(_CARD.read_text(encoding="utf-8")).substitute(
         name=name,
+        quoted=json.dumps(name, ensure_ascii=False),
         written=WRITTEN,
         licence="mit" if built_in else "other",
         size=next((label for limit, label in _SIZES if count < limit), "n>1M"),

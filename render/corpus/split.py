@@ -70,7 +70,7 @@ def render_split(
     known = None if begun is None else inputs.read(job.split.inputs_path)
     files = description.files()
     findings = _inspect(files, readers, known, on_input)
-    skip = skip_unusable or begun is not None
+    skip = skip_unusable or known is not None
     job = dataclasses.replace(job, usable=inputs.usable(files, findings, skip=skip))
     _refuse_clashes(job, findings)
     # Claim the folder, and render what is missing.
@@ -152,7 +152,7 @@ def _remove_partials(job: Job, shards: range) -> None:
         if shards.step == 1 or partial.name.rpartition("-")[2] in own:
             partial.unlink(missing_ok=True)
     if not job.missing(range(job.description.shards)):
-        for partial in split.folder.glob("rooms/partial-*"):
+        for partial in (*split.folder.glob("partial-*"), *split.folder.glob("rooms/partial-*")):
             partial.unlink(missing_ok=True)
         for claim in split.folder.glob("part-*-of-*"):
             with contextlib.suppress(OSError):

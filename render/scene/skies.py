@@ -23,10 +23,6 @@ def sample(rng: np.random.Generator, height: int) -> np.ndarray:
     energy is that of many directions inside its disc, each added to its texel, so it is exact
     although the disc is smaller than a texel.
 
-    Args:
-        rng: source of all randomness.
-        height: rows of the map.
-
     Returns:
         `(height, 2 * height)` float32 luminance, in the unit of Mitsuba's model: equirectangular,
         in the convention of `lime_keras.optics.environment`.

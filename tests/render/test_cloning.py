@@ -224,8 +224,10 @@ def test_large_objects_are_rendered_smaller_and_enlarged(ball, monkeypatch):
 
 @pytest.mark.parametrize("box", [(0, 80, 0, 120), (40, 41, 60, 61)])
 def test_an_object_as_large_as_the_photo_or_a_pixel(ball, box):
-    picture = cloning.clone(*_photo(box=box), DULL, EVEN, ball)
-    assert picture.shape == (80, 120, 3)
+    photo, mask = _photo(box=box)
+    picture = cloning.clone(photo, mask, DULL, EVEN, ball)
+    middle = tuple(np.argwhere(mask[..., 0]).mean(0).astype(int))
+    assert picture.shape == (80, 120, 3) and not np.array_equal(picture[middle], photo[middle])
     assert picture.dtype == np.float32
     assert picture.min() >= 0 and picture.max() <= 1
 

@@ -819,6 +819,21 @@ def test_means():
     assert means([{"mask": value} for value in (1.0, 2.0, 6.0)]) == {"mask": 3.0}
 
 
+def test_validation_weighs_examples_and_not_batches():
+    class Model:
+        reset_measures = staticmethod(lambda: None)
+        measured = staticmethod(dict)
+
+        def test_on_batch(self, batch, **options):
+            return {"loss": float(batch["mask"].mean())}
+
+    class One:
+        split = weights = staticmethod(lambda batch: batch)
+
+    batches = [{"mask": np.full(4, 1.0)}, {"mask": np.full(1, 6.0)}]
+    assert stage_training.evaluate(Model(), batches, One()) == ({"loss": 2.0}, {}, 5)
+
+
 def test_a_stage_ends_with_the_optimisers_average(corpus, config, tmp_path):
     """Of two steps and a momentum of 1/4: a quarter of the first weights, the rest of the last."""
 
@@ -870,3 +885,4 @@ def test_only_what_a_run_begins_with_is_frozen(corpus, config, tmp_path, name, w
     held = dataclasses.replace(config, frozen=(name,))
     with pytest.raises(ValueError, match=f"--freeze {name}: .*{words}"):
         trainer.train([corpus], tmp_path / "run", held, _ignore)
+    assert not (tmp_path / "run" / "config.json").exists(), "the mended options would be refused"

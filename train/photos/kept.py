@@ -23,7 +23,7 @@ INPUT_MASK = "seen_mask"
 PREDICTED = "predicted_"
 """Prefix of the features that frozen subnetworks predicted, compressed by log(1 + x)."""
 
-FORMAT = 2
+FORMAT = 3
 """Number of the form of the files; files of another form are made anew, in another folder."""
 
 _RECORD = "photos.json"

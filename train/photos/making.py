@@ -193,7 +193,7 @@ class Studio:
         if recipe.camera:
             example = camera.photograph(example, light, seed)
         else:
-            if recipe.materials or recipe.paint:
+            if recipe.materials or recipe.paint or recipe.cutouts is not None:
                 example["image"] = camera.developed(light)
             example["cast"] = tf.zeros(4)
         return pipeline.select(pipeline.resize(example, recipe.size), recipe.features)

@@ -156,7 +156,8 @@ class Recipe:
     def reads_data(self) -> bool:
         """Whether it reads meshes or maps of a folder of data."""
         every = [self.validation, *self.corpora.values()]
-        return any(corpus.meshes or corpus.maps for corpus in every)
+        has_places = bool(self.packages) and any(one.cutouts for one in self.trainings.values())
+        return has_places or any(corpus.meshes or corpus.maps for corpus in every)
 
     def scaled(self, factor: float) -> "Recipe":
         """Return the recipe with `factor` times the batches, photos and examples, for a trial.

@@ -202,6 +202,11 @@ class _Run:
             return
         for needed in step.needs:
             self._complete(needed)
+        record_path = _record_path(self._folder, name)
+        if record_path.is_file() and untrusted.read_json(record_path).get("key") != self._key(name):
+            _tell(f"{name}: follows from other inputs than before, and is made anew")
+            record_path.unlink()
+            shutil.rmtree(self._folder / name, ignore_errors=True)
         number, words = list(self._steps).index(name) + 1, shlex.join(step.command)
         _tell(f"[{number}/{len(self._steps)}] {name}: {words}")
         began = time.monotonic()
@@ -217,7 +222,7 @@ class _Run:
             "seconds": round(seconds),
             "commit": commit() or _UNKNOWN,
         }
-        atomic.write(_record_path(self._folder, name), json.dumps(record, indent=1) + "\n")
+        atomic.write(record_path, json.dumps(record, indent=1) + "\n")
         _tell(f"[{number}/{len(self._steps)}] {name}: {seconds / 60:.1f} minutes")
 
     def _key(self, name: str) -> str:
@@ -226,7 +231,7 @@ class _Run:
         words = " ".join(step.command)
         read: list[Any] = [self._inputs[kind] for kind in self._inputs if f"{kind}/" in words]
         if step.begins_with is not None:
-            read.append(model_folder.digest(model_folder.find(step.begins_with)))
+            read.append(model_folder.digest(model_folder.shipped()[step.begins_with]))
         follows_from = [step.command, read, [self._key(needed) for needed in step.needs]]
         return hashlib.sha256(json.dumps(follows_from).encode()).hexdigest()
 

@@ -127,6 +127,7 @@ def _record(run, architecture=LIME, **changes):
         "single_learning_rate": 1e-4,
         "joint_learning_rate": 1e-4,
         **dict.fromkeys(("cosine", "camera", "flips", "repaints", "paints", "found_masks"), False),
+        **dict.fromkeys(("steps", "rate", "average")),
     }
     config = {"lobe": "printed", "precision": "float32", "compositing": True, "steps_scale": 1.0}
     changed = schedule | {name: v for name, v in changes.items() if name in schedule}
@@ -160,11 +161,16 @@ def test_a_smaller_run_says_how_much_smaller(tmp_path):
     found = comparison.system(small, tmp_path)
     name = "full approach at 64 px, 16 wide, 0.1 of the batches"
     assert found == System(name, comparison.FULL)
+    _record(tmp_path, steps=24)
+    found = comparison.system(PAPERS, tmp_path)
+    assert found == System("full approach at 24 batches a stage", comparison.FULL)
 
 
 @pytest.mark.parametrize(
     "changes",
     [
+        {"rate": 1e-2},
+        {"average": 0.999},
         {"plain_scenes": False},
         {"camera": True},
         {"flips": True},

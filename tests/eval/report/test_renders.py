@@ -141,8 +141,10 @@ def test_layers_that_are_not_answered_are_not_shown(example):
     assert titles == ["Mask", "Specular shading S", "Rendered with the material"]
 
 
-def test_the_baselines_reflectance_map_is_shown_in_colour(example):
+@pytest.mark.parametrize("lobe", ["furnace", "printed"])
+def test_the_baselines_reflectance_map_is_shown_in_colour(example, lobe):
     """In a furnace of 1/2 the middle of the sphere is m_a + (m_d + m_s) / 2 (Eq. 4)."""
+    example = dataclasses.replace(example, lobe=lobe)
     found = np.full((SIZE, SIZE, 3), 0.2, np.float32)
     found[..., 0] = 0.1
     for name in ("specular_shading", "mirror"):
@@ -150,7 +152,8 @@ def test_the_baselines_reflectance_map_is_shown_in_colour(example):
     example.estimate["reflectance_map"] = found * disc(SIZE)
     pairs = {title: pictures for title, *pictures in renders.pairs(example)}
     assert list(pairs) == ["Mask", "Reflectance map", "Rendered with the material"]
-    middle = np.array([0.2, 0.4, 0.6]) * 0.5 + 0.5 * 0.5 + 0.01
+    factor = shading.lobe_factor(10.0 ** shininess.LOG_MEANS[4], lobe)
+    middle = np.array([0.2, 0.4, 0.6]) * 0.5 + 0.5 * 0.5 * factor + 0.01
     pictures = pairs["Reflectance map"]
     shown, estimated = (colour.srgb_to_linear(one[SIZE // 2, SIZE // 2]) for one in pictures)
     white = middle[0] / shown[0]

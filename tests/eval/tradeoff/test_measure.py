@@ -6,6 +6,7 @@ import pytest
 
 from lime_keras.eval.tradeoff import cases, measure, models, timing
 from lime_keras.eval.tradeoff.cases import TimedUse
+from lime_keras.model import folder as model_folder
 
 CASES = [TimedUse(name, cases.PHOTO, "mask") for name in ("live", "best")]
 INTERRUPTED_AT = 5  # of the 6 measurements of both cases
@@ -52,3 +53,19 @@ def test_another_list_of_models_is_timed_anew(timed):
     timed(*CASES)
     assert timed(CASES[0])[0] == []
     assert timed(CASES[1])[0] == ["best"] * 3
+
+
+def test_graphs_are_written_again_by_another_version(tiny_model, tmp_path, monkeypatch):
+    written = []
+
+    def export(home, kind, run, *, precision, corpus):
+        written.append(models.__version__)
+        target = model_folder.graphs(home, precision)
+        shutil.copytree(model_folder.graphs(run), target, dirs_exist_ok=True)
+
+    monkeypatch.setattr(models.exporter, "export", export)
+    case = TimedUse("tiny", cases.PHOTO, "mask", precision="float16")
+    for version in ("1", "1", "2"):
+        monkeypatch.setattr(models, "__version__", version)
+        assert models.path(case, {"tiny": tiny_model}, tmp_path, tmp_path) == tmp_path / "tiny"
+    assert written == ["1", "2"]

@@ -53,7 +53,9 @@ def test_folders_below_are_searched_and_kept(folder, tmp_path, capsys):
     assert run(folder, out=out) == 0
     assert numbers(out) == ["a.json", "one/a.json", "one/two/a-2.json", "one/two/a.json"]
     told = lines(capsys.readouterr())
-    assert len(told) == 4 and all(line["mask_coverage"] >= 0 for line in told)
+    assert len(told) == 4 and all(
+        line["mask_coverage"] == pytest.approx(0.3, abs=0.01) for line in told
+    )
     assert (out / "index.html").is_file()
     assert len((out / "materials.csv").read_text().splitlines()) == 5
     assert not (out / "one" / "index.html").exists()

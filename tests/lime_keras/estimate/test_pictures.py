@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from icc_profiles import GAMMA, profile
 from PIL import Image
 
 from lime_keras.estimate.pictures import mask_of, photo_of
@@ -49,17 +50,15 @@ def test_a_pil_image_is_what_its_file_is(image, tmp_path):
 
 
 def test_a_pil_image_is_turned_and_its_colours_converted_as_its_file_is(tmp_path):
-    from PIL import ImageCms
-
     exif = Image.Exif()
     exif[0x0112] = 6
-    lab = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
-    path = written(
-        tmp_path, Image.fromarray(LEVELS[..., :3]), "turned.png", exif=exif, icc_profile=lab
-    )
+    image = Image.fromarray(LEVELS[..., :3])
+    path = written(tmp_path, image, "turned.png", exif=exif, icc_profile=profile(GAMMA))
     found, _, _ = photo_of(Image.open(path))
     assert found.shape == (30, 20, 3)
     np.testing.assert_allclose(found, photo.read_srgb(path), atol=1e-6)
+    turned = np.rot90(LEVELS[..., :3], -1) / 255
+    assert np.abs(found - turned).max() > 0.03, "the profile was not applied"
 
 
 @pytest.mark.parametrize("mode", ["I", "F", "I;16"])

@@ -132,10 +132,8 @@ def test_reasons_are_told_without_the_folder(tmp_path, kind, name, make, reason)
     if make:
         make(tmp_path / name)
     finding = inputs.check(kind, tmp_path / name)
-    assert (
-        finding.name == name and finding.problem.startswith(reason)
-    ) or reason in finding.problem
-    assert not finding.problem.startswith(str(tmp_path))
+    assert finding.name == name and reason in finding.problem
+    assert str(tmp_path) not in finding.problem
 
 
 @pytest.mark.parametrize(

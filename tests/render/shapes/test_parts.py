@@ -44,3 +44,16 @@ def test_carving_leaves_a_share_of_the_solid_in_one_piece(monkeypatch):
     monkeypatch.setattr(carving, "_carved", lambda rng, solid: Manifold())
     mesh = carving.sample(np.random.default_rng(0))
     assert volume(mesh) > 0.05
+
+    def extent(change):
+        monkeypatch.setattr(carving, "_carved", lambda rng, solid: change(solid))
+        return np.ptp(carving.sample(np.random.default_rng(0)), axis=0).max()
+
+    def smaller(share):
+        factor = (share * carving._LEAST_LEFT) ** (1 / 3)
+        return extent(lambda solid: solid.scale((factor, factor, factor)))
+
+    monkeypatch.setattr(carving, "normalised", lambda *arrays: np.asarray(arrays[0]))
+    whole = extent(lambda solid: solid)
+    assert smaller(0.9) == pytest.approx(whole) and smaller(1.1) < 0.9 * whole
+    assert extent(lambda solid: solid + solid.translate((9, 0, 0))) == pytest.approx(whole)

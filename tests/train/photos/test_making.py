@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+from PIL import Image
 from sphere_corpus import example, write_split
 
 from lime_keras.data import camera
@@ -225,3 +226,23 @@ def test_radiance_meets_the_camera_unclipped(recipe, monkeypatch):
     dark = Studio(recipe).photos(range(5))
     assert dark["clipped"].sum() < rows["clipped"].sum()
     assert np.isfinite(dark["image"]).all() and dark["image"].max() > 0.9
+
+
+def test_a_cut_out_is_shown_without_a_camera_too(recipe, tmp_path):
+    pixels = np.random.default_rng(0).integers(0, 256, (80, 80, 4), dtype=np.uint8)
+    pixels[..., 3] = 0
+    pixels[5:75, 5:75, 3] = 255
+    for name, levels in (("things", pixels), ("places", pixels[..., :3])):
+        (tmp_path / name).mkdir()
+        Image.fromarray(levels).save(tmp_path / name / "some.png")
+    plain = dataclasses.replace(recipe, camera=False, materials=(), paint=None)
+    cut = dataclasses.replace(plain, cutouts=(tmp_path / "things", tmp_path / "places"))
+    before, after = (Studio(one).photos(range(0, 16)) for one in (plain, cut))
+    replaced, shown = (
+        [
+            np.abs(np.subtract(one, other, dtype=np.float32)).max() > 0.1
+            for one, other in zip(before[name], after[name], strict=True)
+        ]
+        for name in ("mask", "image")
+    )
+    assert shown == replaced and 0 < sum(replaced) < 16

@@ -105,6 +105,14 @@ def test_without_cutouts_the_commands_have_none():
         assert steps.PLACES not in step.needs
 
 
+def test_places_of_cut_outs_are_data():
+    masks = dataclasses.replace(recipes.live.RECIPE.trainings["decoder"], corpora=("shapes",))
+    plain = dataclasses.replace(recipes.builtin.RECIPE, trainings={"decoder": masks})
+    assert not plain.reads_data
+    packages = recipes.live.RECIPE.packages
+    assert dataclasses.replace(plain, packages=packages).reads_data
+
+
 def test_a_scaled_recipe_differs_in_its_lengths_alone():
     live, short = recipes.find("live"), recipes.find("live").scaled(0.002)
     assert [one.steps for one in short.trainings.values()] == [

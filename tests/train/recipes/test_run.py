@@ -202,7 +202,13 @@ def test_a_step_follows_from_the_set_that_it_begins_with(own, folder, commands, 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run.model_folder, "digest", lambda path: "another")
         run.carry_out(own, tmp_path / "other", data_folder=folder, reuse=first)
-    assert commands.ran == made
+        assert commands.ran == made
+        # In its own folder the step is made anew, from nothing.
+        stale = first / "trainings" / "masks" / "stale"
+        stale.touch()
+        commands.ran.clear()
+        run.carry_out(own, first, data_folder=folder)
+    assert commands.ran == made and not stale.exists()
 
 
 def test_a_command_that_fails_ends_the_run(own, folder, tmp_path, capfd):
