@@ -60,6 +60,13 @@ def rows(out):
         return list(csv.DictReader(file))
 
 
+def test_a_photo_named_as_a_part_of_a_result_keeps_its_own_links(tmp_path):
+    add(tmp_path, "vase-mitsuba")
+    update(tmp_path, "vase-mitsuba")
+    links = Page(tmp_path / "index.html").links
+    assert {"vase-mitsuba.json", "vase-mitsuba-mitsuba.json"} <= set(links)
+
+
 def test_page_and_table_show_each_result(tmp_path):
     add(tmp_path, "a", exponent_entropy=1.5)
     add(tmp_path, "sub/b", diffuse_albedo=np.array([0.2, 0.2, 0.2]), exponent=300.0)

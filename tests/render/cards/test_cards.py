@@ -111,6 +111,13 @@ def test_only_what_is_built_in_has_a_licence(tmp_path, change, licence):
     assert ("license" in metadata(folder)) == (licence == "mit")
 
 
+def test_any_name_of_a_folder_is_text_in_its_head(tmp_path):
+    split(tmp_path / "#2: lime", "train")
+    cards.write(tmp_path / "#2: lime")
+    text = (tmp_path / "#2: lime" / "README.md").read_text("utf-8")
+    assert '\npretty_name: "#2: lime"\n' in text and "\n# #2: lime\n" in text
+
+
 def test_the_files_of_users_are_named(tmp_path):
     split(tmp_path, "train", inputs={"shapes": {}, "environments": {"hall.exr": "c" * 64}})
     cards.write(tmp_path)
