@@ -42,6 +42,7 @@ _OPTIONS = {
     "photos": "photos",
     "precision": "precision",
     "materials": "materials",
+    "fresh": "fresh",
     "freeze": "frozen",
 }
 """The field of the config that takes an option's value."""
@@ -61,7 +62,7 @@ specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo, j
 An interrupted command, run again, goes on from its last checkpoint, at most a minute back.
 
 The recipes make sets of weights: they render corpora, train, and evaluate on validation scenes.
-best, nano and uniform begin with the live that comes with the package, the others with nothing.
+live and builtin begin with nothing, the others with the live that comes with the package.
 best, live, nano and uniform train by Muon (MirrorNet by Adam, as its deep levels die otherwise),
 builtin too, without any data of yours; live_adam is live whose S and encoders learn by Adam, as the
 paper's do. The presets smoke and paper train by Adam, nano and live by Muon.
@@ -288,6 +289,9 @@ def _add_schedule(out: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="begin with the weights of another run, or of a set that comes with the package: of "
         "the trained subnetworks with the same layers",
+    )
+    schedule.add_argument(
+        "--fresh", nargs="+", metavar="NAME", help="subnetworks that do not take these weights"
     )
     schedule.add_argument(
         "--reuse",

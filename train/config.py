@@ -37,6 +37,7 @@ class Config:
             (`model.folder.digest`); None for fresh weights.
         materials: laws of the materials (`optics.material_law`), any of which each scene's follows;
             None for those that a corpus was rendered by, and `uniform` wherever they are drawn.
+        fresh: subnetworks that begin with fresh weights all the same; None for no such.
         frozen: subnetworks that keep the weights that the run begins with; None if all are trained.
         rate_scale: factor by which the preset's learning rates were multiplied.
         lobe: lobe of S in the data, one of `corpus.LOBES`, which decides the unit of m_s.
@@ -56,6 +57,7 @@ class Config:
     precision: str = "float32"
     begun_from: str | None = None
     materials: tuple[str, ...] | None = None
+    fresh: tuple[str, ...] | None = None
     frozen: tuple[str, ...] | None = None
     rate_scale: float = 1.0
     lobe: str = "furnace"
@@ -80,7 +82,7 @@ class Config:
             recorded = untrusted.read_json(path)["config"]
             architecture = Architecture(**recorded.pop("architecture"))
             schedule = Schedule(**recorded.pop("schedule"))
-            for name in ("materials", "frozen"):
+            for name in ("materials", "fresh", "frozen"):
                 if recorded.get(name) is not None:
                     recorded[name] = tuple(recorded[name])
             return cls(architecture=architecture, schedule=schedule, **recorded)

@@ -1,6 +1,6 @@
 """The weights of a trained model that a run begins with, in place of fresh weights."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import keras
@@ -12,8 +12,12 @@ from lime_keras.networks.architecture import ENCODER_BLOCKS
 from lime_keras.networks.registry import is_plain
 
 
-def load(model: Path | None, subnetworks: Mapping[str, keras.Model]) -> list[str]:
+def load(
+    model: Path | None, subnetworks: Mapping[str, keras.Model], fresh: Collection[str] = ()
+) -> list[str]:
     """Set the weights of those subnetworks that have the same layers in a trained model.
+
+    Those of `fresh` keep their own.
 
     A U-Net's layers are the same for any image size. An encoder's first dense layer depends on it:
     if the trained model sees images of another size, its kernel is resampled.
@@ -23,15 +27,17 @@ def load(model: Path | None, subnetworks: Mapping[str, keras.Model]) -> list[str
 
     Raises:
         FileNotFoundError: if no model is given, or the folder holds none.
-        ValueError: if no subnetwork fits, or a file is broken.
+        ValueError: if no subnetwork fits, one of `fresh` is none, or a file is broken.
     """
+    if unknown := sorted(set(fresh) - set(subnetworks)):
+        raise ValueError(f"--fresh {' '.join(unknown)}: this run has {', '.join(subnetworks)}")
     if model is None:
         raise FileNotFoundError("this run began with another model: pass its --start-from again")
     _, others = weights.load(model, whole=False)
     fitting = {
         name: values
         for name, network in subnetworks.items()
-        if name in others and (values := _fit(network, others[name])) is not None
+        if name in set(others) - set(fresh) and (values := _fit(network, others[name])) is not None
     }
     if not fitting:
         raise ValueError(

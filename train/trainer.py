@@ -150,7 +150,9 @@ class _Run:
             with computing_in(config.precision):
                 self._subnetworks = build(config.architecture, config.seed)
             if config.begun_from is not None:
-                begun = initial_weights.load(start_from, self._subnetworks)
+                begun = initial_weights.load(start_from, self._subnetworks, config.fresh or ())
+            elif config.fresh:
+                raise ValueError("--fresh says what does not take the weights of --start-from")
             if config.architecture.pretrained and "segmentation" not in begun:
                 backbone.begin(self._subnetworks["segmentation"])
         if begun and split.leads:
@@ -323,7 +325,7 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "photos": config.photos,
         "materials": config.materials,
         "precision": config.precision,
-        "begun_from": config.begun_from,
+        "begun_from": [config.begun_from, config.fresh] if config.fresh else config.begun_from,
         "frozen": config.frozen,
         "earlier": {
             name: trained.get(name)

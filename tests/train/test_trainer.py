@@ -337,6 +337,30 @@ def test_a_run_begins_with_what_another_has_trained_yet(corpus, config, tmp_path
         np.testing.assert_array_equal(found, expected)
     expected = "continued: segmentation, specular; fresh: mirror, exponent, albedo"
     assert expected in capsys.readouterr().out
+    # --fresh leaves some of it out: a run of its own, with weights of its own.
+    but = dataclasses.replace(on, fresh=("segmentation",))
+    fresh = _first_weights(corpus, tmp_path / "fresh", but, start_from=some)["segmentation"]
+    assert "continued: specular; fresh: segmentation, mirror" in capsys.readouterr().out
+    assert not all(map(np.array_equal, fresh, seen["segmentation"]))
+    assert Config.read(tmp_path / "fresh") == but
+    with pytest.raises(ValueError, match="fresh None there"):
+        trainer.train([corpus], tmp_path / "run", but, _ignore, start_from=some)
+
+
+@pytest.mark.parametrize(
+    "fresh, words", [("lens", "--fresh lens: this run has segmentation, spec"), ("mirror", None)]
+)
+def test_fresh_names_what_would_take_other_weights(
+    corpus, config, finished, tmp_path, fresh, words
+):
+    on = dataclasses.replace(config, fresh=(fresh,))
+    with pytest.raises(ValueError, match="--fresh says what does not take the weights of --start"):
+        trainer.train([corpus], tmp_path / "run", on, _ignore)
+    on = dataclasses.replace(
+        on, begun_from=model_folder.digest(finished), frozen=None if words else (fresh,)
+    )
+    with pytest.raises(ValueError, match=words or "--freeze mirror: this run did not begin with"):
+        trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=finished)
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ layers that frozen subnetworks predict on photo and mask alone.
 
 import hashlib
 from collections.abc import Collection, Mapping
-from typing import Any
 
 import keras
 import numpy as np
@@ -93,11 +92,12 @@ def make(
         return
     layers = {name: network for name, network in networks.items() if name != "segmentation"}
     masker, missing = networks.get("segmentation"), answers.begin()
+    model = _joined(layers)
     done = answers.count - sum(map(len, missing))
     for part in missing:
         batch = photos.read(np.array(part), ("image", *required_inputs(layers)))
         batch["mask"] = _input_masks(batch, part, masker, seed)
-        answers.write(part.start, {INPUT_MASK: batch["mask"], **_layers(batch, layers)})
+        answers.write(part.start, {INPUT_MASK: batch["mask"], **_layers(batch, model)})
         answers.mark(part)
         done += len(part)
         on_making("input masks", done, answers.count)
@@ -126,22 +126,33 @@ def _input_masks(
     return np.stack([one for one in drawn if one is not None])
 
 
-def _layers(
-    batch: Mapping[str, np.ndarray], networks: Mapping[str, keras.Model]
-) -> dict[str, np.ndarray]:
-    """Return what subnetworks predict of some photos that are cut out with these masks."""
+def _layers(batch: Mapping[str, np.ndarray], model: keras.Model | None) -> dict[str, np.ndarray]:
+    """Return what a model by `_joined` predicts of photos that are cut out with these masks."""
+    if model is None:
+        return {}
     # As the files hold the mask, so that the order of both does not matter.
     mask = np.round(batch["mask"] * 255) * np.float32(1 / 255)
-    out: dict[str, list[np.ndarray]] = {f"{PREDICTED}{name}": [] for name in predictors(networks)}
-    for first in range(0, len(mask) if networks else 0, _BATCH):
-        some: dict[str, Any] = {
-            name: keras.ops.convert_to_tensor(value[first : first + _BATCH])
-            for name, value in {**batch, "mask": mask}.items()
-        }
-        wiring = Wiring(networks, some, training=False)
-        for quantity, name in predictors(networks).items():
-            answer = wiring.raw_prediction(quantity)
-            if is_plain(networks[name]):
-                answer = QUANTITIES[quantity].plain(answer)
-            out[f"{PREDICTED}{quantity}"].append(keras.ops.convert_to_numpy(answer))
-    return {name: np.concatenate(values) for name, values in out.items()}
+    read = {name: {**batch, "mask": mask}[name] for name in model.input}
+    parts = [
+        model.predict_on_batch({name: value[i : i + _BATCH] for name, value in read.items()})
+        for i in range(0, len(mask), _BATCH)
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in model.output}
+
+
+def _joined(networks: Mapping[str, keras.Model]) -> keras.Model | None:
+    """Return subnetworks as one model of photo and mask, which is compiled; None if there are none.
+
+    Run op by op they take 2.5 times as long in bfloat16.
+    """
+    if not networks:
+        return None
+    size = next(iter(networks.values())).inputs[0].shape[1]
+    read = {"image": 3, **{name: QUANTITIES[name].channels for name in required_inputs(networks)}}
+    given = {name: keras.Input((size, size, count), name=name) for name, count in read.items()}
+    wiring, out = Wiring(networks, given, training=False), {}
+    for quantity, name in predictors(networks).items():
+        answer = wiring.raw_prediction(quantity)
+        plain = QUANTITIES[quantity].plain(answer) if is_plain(networks[name]) else answer
+        out[f"{PREDICTED}{quantity}"] = plain
+    return keras.Model(given, out)

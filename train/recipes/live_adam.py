@@ -1,23 +1,32 @@
 """`live_adam`: `live` whose S and encoders learn by Adam, as the paper's, at half of the rates.
 
-    lime-train --recipe live_adam --data DATA --out runs/live-adam --reuse runs/live
+    lime-train --recipe live_adam --data DATA --out runs/live-adam
 
-The masks are those of `live`, and M is learnt by Adam there, too. Some 9 hours of one core, or 5
-with --reuse. 20 GB of disk.
+The mask and M are those of `live`, as it comes with the package, where Adam trains M, too. S and
+the encoders learn from nothing, of the scenes of `live` and for as many batches. 15 GB of disk.
 Scores: not trained yet.
 """
 
 import dataclasses
 
-from . import live
+from . import live, shared
+from .recipe import Recipe
 
-_BY_MUON = dict(live.RECIPE.trainings)
+_BY_MUON = live.RECIPE.trainings
 
-RECIPE = dataclasses.replace(
-    live.RECIPE,
-    trainings=_BY_MUON
-    | {
-        name: dataclasses.replace(_BY_MUON[name], optimizer="adam", rate=_BY_MUON[name].rate / 2)
-        for name in ("light", "material")
+RECIPE = Recipe(
+    preset="live",
+    corpora={name: shared.CORPORA[name] for name in shared.OF_128},
+    trainings={
+        "light": dataclasses.replace(
+            _BY_MUON["light"],
+            stages=("specular",),
+            rate=1e-3,
+            optimizer="adam",
+            start_from="live",
+            options=("--fresh", "specular", "exponent", "albedo"),
+        ),
+        "material": dataclasses.replace(_BY_MUON["material"], rate=1e-3, optimizer="adam"),
     },
+    validation=shared.VALIDATION,
 )

@@ -28,7 +28,6 @@ class Corpus:
         maps: whether its lights are made of the maps of DATA/environments; built-in rooms without.
         materials: law of the materials, for scenes that are shown as they are rendered.
         endless: share of the bodies that are random shapes; None for the usual one.
-        light_law: `mixed` or `maps`; None for the usual one.
     """
 
     count: int
@@ -38,7 +37,6 @@ class Corpus:
     maps: bool = True
     materials: str = "uniform"
     endless: float | None = None
-    light_law: str | None = None
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,6 @@ def _corpus(folder: str, corpus: Corpus, split: str) -> Step:
         "--shapes": f"{DATA}/meshes" if corpus.meshes else None,
         "--environments": f"{DATA}/environments" if corpus.maps else None,
         "--endless": corpus.endless,
-        "--light-law": corpus.light_law,
     }
     return Step(("lime-render", folder, *_words(options)), f"{folder}/{split}/manifest.json")
 

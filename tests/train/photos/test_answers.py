@@ -79,7 +79,7 @@ def test_predictions_are_those_for_the_mask_that_the_files_hold(networks, photos
     mask = made.read(rows, (INPUT_MASK,))[INPUT_MASK]
     batch = photos.read(rows, ("image",)) | {"mask": mask}
     again.begin()
-    again.write(0, {INPUT_MASK: mask, **answers._layers(batch, frozen)})
+    again.write(0, {INPUT_MASK: mask, **answers._layers(batch, answers._joined(frozen))})
     again.finish({})
     for name, value in made.read(rows, made.features).items():
         np.testing.assert_array_equal(again.read(rows, (name,))[name], value, err_msg=name)

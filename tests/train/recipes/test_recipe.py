@@ -63,20 +63,22 @@ def test_every_recipe_makes_a_whole_set_of_its_size(name):
 
 
 def test_live_by_adam_is_live_but_for_the_optimiser_and_its_rates():
-    both = [recipes.find(name) for name in ("live", "live_adam")]
-    for name, one in both[1].trainings.items():
-        by_muon = both[0].trainings[name]
-        if name in ("light", "material"):
-            assert (one.optimizer, by_muon.optimizer, by_muon.rate / one.rate) == (
-                "adam",
-                "muon",
-                2,
-            )
-            one = dataclasses.replace(one, optimizer="muon", rate=by_muon.rate)
-        assert one == by_muon
+    live, other = (recipes.find(name) for name in ("live", "live_adam"))
+    names = ["light", "material"]
+    assert list(other.trainings) == names
+    by_muon, by_adam = ([one.trainings[name] for name in names] for one in (live, other))
+    assert [(one.optimizer, one.rate) for one in by_muon] == [("muon", 2e-3)] * 2
+    assert [(one.optimizer, one.rate) for one in by_adam] == [("adam", 1e-3)] * 2
+    # Its mask and M are those of live as it ships; S and the encoders begin with nothing.
+    same = {"optimizer": "muon", "rate": 2e-3}
+    begun = {"start_from": "mask-128", "stages": ("specular", "mirror"), "options": ()}
+    assert dataclasses.replace(by_adam[0], **same, **begun) == by_muon[0]
+    assert dataclasses.replace(by_adam[1], **same) == by_muon[1]
+    begins = _parsed(steps.steps(other, 0, False)["trainings/light"].command)
+    assert begins.fresh == ["specular", "exponent", "albedo"]
 
 
-@pytest.mark.parametrize("name", ["nano", "uniform"])
+@pytest.mark.parametrize("name", ["nano", "uniform", "live_adam"])
 def test_the_corpora_of_live_can_be_taken_over(name):
     live, other = (steps.steps(recipes.find(one), 0, cutouts=True) for one in ("live", name))
     corpora = [one for one in other if one.startswith("corpora/") and one != steps.VALIDATION]
@@ -90,7 +92,7 @@ def test_only_uniform_reads_the_split_in_its_shading(name, reads):
     assert (getattr(options, "with") == ["dichromatic-shading"]) == reads
 
 
-@pytest.mark.parametrize("name", ["best", "nano", "uniform"])
+@pytest.mark.parametrize("name", ["best", "nano", "uniform", "live_adam"])
 def test_the_other_sets_begin_with_live_as_it_ships(name):
     recipe = recipes.find(name)
     step = steps.steps(recipe, 0, cutouts=False)[f"trainings/{next(iter(recipe.trainings))}"]

@@ -22,7 +22,7 @@ RECIPE = Recipe(
     preset="smoke",
     size=32,
     options=("--width", "2", "--encoder-width", "2", "--no-camera"),
-    corpora={"own": Corpus(40, seed=1, size=32, light_law="maps", endless=0.0)},
+    corpora={"own": Corpus(40, seed=1, size=32, endless=0.0)},
     trainings={
         "masks": Training(
             ("segmentation",), ("own",), steps=2, rate=1e-3, photos=16, batch_size=4,
