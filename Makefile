@@ -55,7 +55,7 @@ graphs: .venv/installed
 ship: .venv/installed
 	@test -n "$(WEIGHTS)" -a -n "$(NAME)" \
 	  || { echo 'error: which, and how called? make ship WEIGHTS=runs/mine NAME=mine'; exit 1; }
-	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format weights --weights $(WEIGHTS)
+	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format weights --weights "$(WEIGHTS)"
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format graphs --weights $(PRETRAINED)/$(NAME)
 	rm $(PRETRAINED)/$(NAME)/model/*.weights.h5
 
@@ -65,8 +65,8 @@ weights: llvm
 	@test -n "$(NAME)" || { echo 'error: which? make weights NAME=live DATA=data/'; exit 1; }
 	@git diff --quiet HEAD -- \
 	  || { echo 'error: what ships is made by a clean commit: commit or stash your changes'; exit 1; }
-	$(BIN)/lime-train --recipe $(NAME) $(if $(DATA),--data $(DATA)) $(if $(REUSE),--reuse $(REUSE)) \
-	  --out runs/$(NAME)
+	$(BIN)/lime-train --recipe $(NAME) $(if $(DATA),--data "$(DATA)") \
+	  $(if $(REUSE),--reuse "$(REUSE)") --out runs/$(NAME)
 	$(MAKE) ship WEIGHTS=runs/$(NAME) NAME=$(NAME)
 
 # The site, in docs/_build/index.html, with the demo in docs/_build/live. What Sphinx warns of is an

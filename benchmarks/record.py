@@ -19,8 +19,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from lime_keras import machine
 from lime_keras.data.corpus import Split
-from lime_keras.eval.tradeoff import machine
 from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
 

@@ -45,11 +45,6 @@ def value(folder: Path, name: str, inputs: Mapping[str, Any], make: Callable[[],
     return json.loads(json.dumps(content["result"]))
 
 
-def weights_of(run: Path) -> dict[str, str]:
-    """Return the part of `inputs` that names a model's weights."""
-    return {"weights": model_folder.digest(run)}
-
-
 def corpus_of(corpus: Path) -> dict[str, str]:
     """Return the part of `inputs` that names a test split; its manifest has the shards' checksums.
 
@@ -68,7 +63,7 @@ def evaluation(folder: Path, run: Path, corpus: Path, *, camera: bool = False) -
         FileNotFoundError: if the weights or the test split are missing.
         ValueError: if `evaluate` refuses the split or the model's outputs.
     """
-    inputs = weights_of(run) | corpus_of(corpus) | {"camera": camera}
+    inputs = {"weights": model_folder.digest(run)} | corpus_of(corpus) | {"camera": camera}
     path = _path(folder, "evaluation", inputs, ".npz")
     arrays = _arrays(path, lambda: _as_arrays(evaluate(run, corpus, camera=camera)))
     rows, true_mask = (

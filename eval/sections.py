@@ -128,8 +128,7 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     from .tradeoff.measure import measure
     from .tradeoff.table import markdown
 
-    models = out / "models"
-    result = measure(names(runs), corpus, out / "kept", models, camera=camera)
+    result = measure(names(runs), corpus, out / "kept", out / "models", camera=camera)
     text = markdown(result)
     picture = (
         pareto(result),

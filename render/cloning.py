@@ -94,8 +94,9 @@ def clone(
         raise ValueError(
             "the material lacks an albedo or the exponent: estimate everything, without `only`"
         )
-    # Render the mesh and its shadow.
-    light = _light(radiance)
+    # Render the mesh and its shadow; at the light's own brightness, so fine that no texel shows.
+    fine = environment.rotate(radiance, np.eye(3), *_FINE)
+    light = lights.prepare("the estimated light", fine, environment.spherical_mean(radiance))
     mesh = meshes.load(mesh_path)
     pose = _upright_pose(mesh, mask, UPRIGHT[up])
     over = _rendered(mesh, light, pose, mask, whole)
@@ -189,12 +190,6 @@ def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
     filled = oiio.ImageBufAlgo.fillholes_pushpull(oiio.ImageBuf(holed))
     colours = np.asarray(filled.get_pixels(oiio.FLOAT))[..., :3]
     return np.where(kept > 0, photo_linear, np.maximum(colours, 0))
-
-
-def _light(radiance: np.ndarray) -> Light:
-    """Prepare the estimated map at its own brightness, so fine that a lobe shows no texels."""
-    fine = environment.rotate(radiance, np.eye(3), *_FINE)
-    return lights.prepare("the estimated light", fine, environment.spherical_mean(radiance))
 
 
 def _box(mask: np.ndarray) -> tuple[int, int, int, int]:

@@ -33,7 +33,7 @@ ROWS = {
     "lime_keras": (
         ("version",),
         ("console", "outputs", "processors"),
-        ("launch",),
+        ("launch", "machine"),
         ("optics",),
         ("material",),
         ("io",),

@@ -1,7 +1,9 @@
 """`lime-train`: run the training stages."""
 
 import argparse
+import dataclasses
 import os
+import signal
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -363,6 +365,8 @@ def _carry_out(options: argparse.Namespace) -> int:
     console.require("lime-train --recipe", *console.EXTRAS["train"], *console.EXTRAS["render"])
     from .recipes import run
 
+    # As Ctrl-C: the command that runs is ended, too.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     run.carry_out(
         options.recipe,
         options.out,
@@ -450,8 +454,6 @@ def _train_here(options: argparse.Namespace) -> int:
 
 def config_of(options: argparse.Namespace) -> Any:
     """Return the config: from the options, else from the resumed run, else from the preset."""
-    import dataclasses
-
     from lime_keras.data.corpus import Split
     from lime_keras.networks import PRESETS
 
@@ -509,8 +511,6 @@ def _overrides(options: argparse.Namespace) -> dict[str, Any]:
 
 def _with(config: Any, values: Mapping[str, Any]) -> Any:
     """Return a config with other values of some fields, given by their dotted names."""
-    import dataclasses
-
     fields: dict[str, dict[str, Any]] = {"": {}}
     for path, value in values.items():
         part, _, name = path.rpartition(".")

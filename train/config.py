@@ -130,6 +130,8 @@ def claim(run: Path, paths: Sequence[Path], config: Config, *, leads: bool = Tru
     Raises:
         ValueError: if the folder holds a run of another config; the message names the differences.
     """
+    if (run / "recipe.json").is_file():
+        raise ValueError(f"{run} holds a run of a recipe: pass another --out")
     path, plain = config_path(run), json.loads(json.dumps(dataclasses.asdict(config)))
     if path.is_file():
         with untrusted.naming(path, "the record of a run", f"pass another --out, or remove {run}"):

@@ -41,8 +41,8 @@ def load(
     }
     if not fitting:
         raise ValueError(
-            f"none of the subnetworks in {model} has the layers of this run's: leave out "
-            "--start-from, or pass the --width and --preset that it was trained with"
+            f"none of the subnetworks in {model} has the layers of this run's, or all are --fresh: "
+            "leave out --start-from, or pass the --width and --preset that it was trained with"
         )
     for name, values in fitting.items():
         subnetworks[name].set_weights(values)

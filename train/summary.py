@@ -9,14 +9,6 @@ from lime_keras.io import untrusted
 _LOSS, _MEASURE = "validation_", "measure_"
 
 
-def evaluation_path(run: Path) -> Path:
-    """Return the path of a run's evaluation: a number of `examples`, and `measures` by name.
-
-    A measure that is not finite is null there.
-    """
-    return run / "evaluation.json"
-
-
 def table(run: Path) -> str:
     """Return validation losses and measures before and after each stage, as aligned text.
 
@@ -45,7 +37,7 @@ def evaluation(run: Path) -> str:
 
     The text is empty if the run's system is not complete, and so not evaluated.
     """
-    path = evaluation_path(run)
+    path = run / "evaluation.json"
     if not path.is_file():
         return ""
     with untrusted.naming(path, "measures", "delete it and run the same command again"):

@@ -39,7 +39,6 @@ from .stage_model import StageModel
 from .stage_training import Progress, StageRun, StageTraining, Tell, evaluate
 from .stages import WARM_UP, Schedule, Stage
 from .state import Checkpoint
-from .summary import evaluation_path
 from .terms import TERMS
 
 
@@ -223,7 +222,7 @@ class _Run:
 
     def evaluate(self) -> None:
         """Evaluate the whole system, if all of it is trained and something of it is new."""
-        path, split = evaluation_path(self._folder), self._split
+        path, split = self._folder / "evaluation.json", self._split
         is_new = not path.is_file() or not all(part.is_finished for part in self._parts)
         if not self._parts or self.untrained or not is_new:
             return

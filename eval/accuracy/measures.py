@@ -180,7 +180,7 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
     summary["count"] = len(evaluation.rows["bin"])
     summary["counted"] = _counted(evaluation.rows)
     summary["system"] = evaluation.architecture.description
-    summary["interval"] = intervals(evaluation.rows)
+    summary["interval"] = ends(resampled(evaluation.rows))
     summary["true_mask"] = values(evaluation.true_mask) if evaluation.true_mask else {}
     compared: dict[str, Mapping[str, float | None]] = {
         "paper": {name: measure.paper for name, measure in MEASURES.items()},
@@ -196,14 +196,6 @@ def values(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
     """Compute, by name, the measures whose columns exist in these rows."""
     means = {name: float(np.mean(column)) for name, column in _columns(rows).items()}
     return {name: float(value) for name, value in _measured(means).items()}
-
-
-def intervals(rows: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
-    """Compute the 95 % percentile bootstrap interval `[low, high]` of each measure, by name.
-
-    The examples are drawn with a fixed seed, so the same rows give the same interval.
-    """
-    return ends(resampled(rows))
 
 
 def ends(drawn: Mapping[str, np.ndarray]) -> dict[str, list[float]]:

@@ -24,6 +24,7 @@ _LAYERS: dict[str, Callable[[Path, int, int], np.ndarray]] = {
 }
 """Readers of the layers, by the ends of their files' names: `-NAME.SUFFIX`."""
 _ENDS = (_NUMBERS, *_LAYERS)
+_NAMES = ", ".join(f"00000{end}" for end in _ENDS)
 _FILE = re.compile(rf"(\d{{5,}})({'|'.join(map(re.escape, _ENDS))})")
 _VALUES = {
     "diffuse_albedo": (3, 0, 1),
@@ -67,7 +68,7 @@ class Predictions:
         shown, more = ", ".join(self.left_out[:_SHOWN]), len(self.left_out) - _SHOWN
         return (
             f"{self.folder}: left out what is named like no answer: {shown}"
-            f"{f' and {more} more' if more > 0 else ''}; answers are called {_names()}"
+            f"{f' and {more} more' if more > 0 else ''}; answers are called {_NAMES}"
         )
 
 
@@ -91,7 +92,7 @@ def find(folder: Path) -> Predictions:
             left_out.append(path.name)
     if not files:
         raise ValueError(
-            f"{folder} holds no answer: name the files after the images, as in {_names()}"
+            f"{folder} holds no answer: name the files after the images, as in {_NAMES}"
         )
     return Predictions(folder, dict(sorted(files.items())), left_out)
 
@@ -162,10 +163,6 @@ class Answers:
             for name, (end, path) in self._layers[position].items()
         }
         return self._numbers[position] | layers
-
-
-def _names() -> str:
-    return ", ".join(f"00000{end}" for end in _ENDS)
 
 
 def _numbers(path: Path) -> dict[str, np.ndarray]:

@@ -44,7 +44,7 @@ def rows(columns: Mapping[str, np.ndarray]) -> list[tuple[str, ...]]:
         if not chosen.size:
             continue
         part = {name: column[chosen] for name, column in columns.items()}
-        value, interval = measures.values(part), measures.intervals(part)
+        value, interval = measures.values(part), measures.ends(measures.resampled(part))
         cells = (m.unit.with_interval(value[name], interval[name]) for name, m in shown.items())
         out.append((f"{by}: {label}", str(chosen.size), *cells))
     return out

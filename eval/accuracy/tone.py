@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from lime_keras.optics import colour
-
 _WHITE_PERCENTILE = 99.0
 _LEAST_WHITE = 1e-4
 """Least radiance shown as white, so that a layer that is black everywhere stays black."""
@@ -19,11 +17,6 @@ def white_point(layer: np.ndarray, mask: np.ndarray) -> float:
     inside = layer[mask[..., 0] >= 0.5]
     white = float(np.percentile(inside, _WHITE_PERCENTILE)) if inside.size else 1.0
     return max(white, _LEAST_WHITE)
-
-
-def tonemap(radiance: np.ndarray, white: float) -> np.ndarray:
-    """Convert radiance `(H, W, 1 or 3)` to sRGB `(H, W, 3)`; values from `white` on become 1."""
-    return coloured(colour.linear_to_srgb(np.clip(radiance / white, 0.0, 1.0)))
 
 
 def coloured(values: np.ndarray) -> np.ndarray:

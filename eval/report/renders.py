@@ -10,7 +10,7 @@ from lime_keras.optics.compositing import compose
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 
 from ..accuracy.measures import DECIBEL
-from ..accuracy.tone import coloured, tonemap, white_point
+from ..accuracy.tone import coloured, white_point
 from .examples import Example
 
 _LAYERS = {"specular_shading": "Specular shading S", "mirror": "Mirror image M"}
@@ -103,4 +103,5 @@ def _hdr_pair(title: str, true: np.ndarray, found: np.ndarray, mask: np.ndarray)
     """Tone-map a true layer and its estimate by one white point, the truth's 99th percentile."""
     true = true * mask
     white = white_point(true, mask)
-    return title, tonemap(true, white), tonemap(found, white)
+    shown, guessed = (coloured(colour.linear_to_srgb(one / white)) for one in (true, found))
+    return title, shown, guessed

@@ -17,7 +17,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from lime_keras import console, processors
+from lime_keras import console, machine, processors
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.export.parity import ParityError
 from lime_keras.io import untrusted
@@ -28,7 +28,7 @@ from lime_keras.runtime import engine as runtime
 from .. import kept
 from ..accuracy import measures
 from ..accuracy.evaluate import evaluate
-from . import cases, machine, models, recommendation, timing
+from . import cases, models, recommendation, timing
 from .cases import ONNX, PAGE, PAPER, TimedUse
 
 ROUNDS = 3
@@ -134,7 +134,7 @@ def _errors(
             "count": summary["count"],
         }
 
-    of_what = kept.weights_of(run) | kept.corpus_of(corpus)
+    of_what = {"weights": model_folder.digest(run)} | kept.corpus_of(corpus)
     inputs: dict[str, Any] = {**of_what, "camera": camera, "precision": precision}
     if precision == "int8":
         inputs["calibration"] = untrusted.sha256(Split(corpus, "train").manifest_path)

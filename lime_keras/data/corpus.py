@@ -162,11 +162,6 @@ class Split:
         described = self._recorded("description", dict)
         return described.get("light_law", "maps") == "maps" and not described.get("endless")
 
-    @property
-    def light_split(self) -> str:
-        """The split whose lights it has: `train` also of a test split under known lights."""
-        return self._described("light_split", str, self.name)
-
     def _described(self, name: str, kind: type, absent: Any = None) -> Any:
         description = self._recorded("description", dict)
         return self._checked(description.get(name, absent), kind, f"description.{name}")

@@ -189,8 +189,10 @@ def _averaged(example: dict[str, tf.Tensor], size: int, factor: tf.Tensor) -> di
     out = dict(example)
     out["mask"] = area_mean("mask", example["mask"])
     if "image" in example:
-        linear = area_mean("image", _as_float(colour.srgb_to_linear(example["image"], tnp)))
-        out["image"] = _as_float(colour.linear_to_srgb(linear, tnp))
+        # TensorFlow's NumPy functions widen.
+        linear = tf.cast(colour.srgb_to_linear(example["image"], tnp), tf.float32)
+        srgb = colour.linear_to_srgb(area_mean("image", linear), tnp)
+        out["image"] = tf.cast(srgb, tf.float32)
     for name in filter(example.__contains__, _MARKS):
         out[name] = tf.reduce_max(blocks(name, example[name]), axis=(1, 3))
     for name in filter(example.__contains__, _LAYERS):
@@ -202,11 +204,6 @@ def _averaged(example: dict[str, tf.Tensor], size: int, factor: tf.Tensor) -> di
     if "camera" in example:
         out["camera"] = example["camera"] / tf.cast(factor, tf.float32)
     return out
-
-
-def _as_float(values: tf.Tensor) -> tf.Tensor:
-    """Return values as float32; TensorFlow's NumPy functions widen them."""
-    return tf.cast(values, tf.float32)
 
 
 def record_spans(shards: Iterable[Path]) -> list[tuple[Path, int, int]]:

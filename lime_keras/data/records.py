@@ -55,7 +55,8 @@ def encode(example: Mapping[str, Any]) -> bytes:
     for name in _HALF_IMAGES:
         features[name] = _bytes(_half_png(example[name]))
     for name in (*_VECTORS, *_SCALARS):
-        features[name] = _floats(np.asarray(example[name], np.float32).reshape(-1))
+        values = np.asarray(example[name], np.float32).reshape(-1)
+        features[name] = tf.train.Feature(float_list=tf.train.FloatList(value=values))
     for name in _STRINGS:
         features[name] = _bytes(str(example[name]).encode())
     for name in _INTEGERS:
@@ -186,10 +187,6 @@ def _png(pixels: np.ndarray) -> bytes:
 
 def _bytes(*values: bytes) -> tf.train.Feature:
     return tf.train.Feature(bytes_list=tf.train.BytesList(value=values))
-
-
-def _floats(values: np.ndarray) -> tf.train.Feature:
-    return tf.train.Feature(float_list=tf.train.FloatList(value=values))
 
 
 def _integers(values: list[int]) -> tf.train.Feature:

@@ -43,10 +43,6 @@ class _Input(NamedTuple):
     photo: photo.Photo
     mask: np.ndarray | None
 
-    @property
-    def pixels(self) -> int:
-        return self.photo.image[..., 0].size
-
 
 class Batch:
     """A run over many photos, with its times.
@@ -179,7 +175,7 @@ class Batch:
 
     def _finish(self, most: int) -> Iterator[None]:
         """Wait until no more than `most` pixels are to be written, and yield after each photo."""
-        while sum(one.pixels for one, _ in self._written) > most:
+        while sum(one.photo.image[..., 0].size for one, _ in self._written) > most:
             one, written = self._written[0]  # stays there if the wait is interrupted
             try:
                 with _naming_photo(one.path):

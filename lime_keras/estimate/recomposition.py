@@ -25,7 +25,7 @@ def diffuse(
     Returns:
         Linear radiance `(H, W, 3)` float32, at least 0, 0 outside the mask.
     """
-    specular_albedo = _specular_albedo(material)
+    specular_albedo = np.array([material.specular_albedo], np.float32)
     out = np.empty(image_srgb.shape, np.float32)
     hidden = np.empty(image_srgb.shape[:2], bool)
     for part in _parts(mask):
@@ -57,17 +57,14 @@ def recompose(
     Returns:
         Linear radiance `(H, W, 3)` float32, at least 0.
     """
-    specular_albedo, out = _specular_albedo(material), np.empty(diffuse_part.shape, np.float32)
+    specular_albedo = np.array([material.specular_albedo], np.float32)
+    out = np.empty(diffuse_part.shape, np.float32)
     diffuse_albedo = np.asarray(material.diffuse_albedo)
     for part in _parts(mask):
         # The D of a black material is NaN. It does not matter: m_d · D is 0 for every D.
         shade = np.nan_to_num(compositing.diffuse_shading(diffuse_part[part], diffuse_albedo))
         out[part] = shade * diffuse_albedo + specular_albedo * shading[part] * mask[part]
     return out
-
-
-def _specular_albedo(material: Material) -> np.ndarray:
-    return np.array([material.specular_albedo], np.float32)
 
 
 def _parts(mask: np.ndarray) -> Iterator[slice]:

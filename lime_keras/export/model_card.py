@@ -29,13 +29,13 @@ def card(architecture: Architecture, network: keras.Model, precision: str) -> di
         "architecture": dataclasses.asdict(architecture),
         "description": architecture.description,
         "precision": precision,
-        "input_shape": _shape(network.inputs[0]),
+        "input_shape": ["batch", *network.inputs[0].shape[1:]],
         "input_layout": "NHWC, top row first",
         "colour_space": "sRGB",
         "input_range": [0.0, 1.0],
         "normalisation": "none",
         "outputs": {
-            name: {"shape": _shape(tensor), "unit": OUTPUTS[name].unit}
+            name: {"shape": ["batch", *tensor.shape[1:]], "unit": OUTPUTS[name].unit}
             for name, tensor in network.output.items()
         },
     }
@@ -49,7 +49,3 @@ def _preset(architecture: Architecture) -> str | None:
     """Return the name of the preset with these U-Nets, whatever else was changed of it."""
     sizes = operator.attrgetter("size", "unet_width", "unet_depth")
     return next((n for n, preset in PRESETS.items() if sizes(preset) == sizes(architecture)), None)
-
-
-def _shape(tensor: keras.KerasTensor) -> list[int | str]:
-    return ["batch", *tensor.shape[1:]]

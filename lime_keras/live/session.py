@@ -16,7 +16,7 @@ from lime_keras.lighting import guessed_light
 from lime_keras.material import Caution, Material
 from lime_keras.optics import colour, shading
 from lime_keras.video.fusion import Fusion
-from lime_keras.video.tracking import Step, Tracker, has_object, material_of
+from lime_keras.video.tracking import Step, Tracker, material_of
 
 _MATERIAL, _LAYERS = ("albedo", "exponent"), ("specular", "mirror")
 """Estimates of a frame, and those that it takes for its layers and light."""
@@ -103,7 +103,7 @@ class Session:
             self._square = None
         laps.append(("framing_and_mask", time.perf_counter()))
         material = Material(mask_coverage=view.coverage, square=view.square)
-        if request.material and has_object(material):
+        if request.material and material.mask_coverage:
             wanted = request.layers or request.light
             material = self._estimator.read(view, [*_MATERIAL, *(_LAYERS if wanted else ())])
             laps.append(("material", time.perf_counter()))

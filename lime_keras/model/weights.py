@@ -65,7 +65,7 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     exported = model_folder.has_weights_in_graphs(model)
     graphs, read = model_folder.graphs(model), _read_graph if exported else _read
     paths = {
-        name: graphs / f"{name}.onnx" if exported else _weights_path(model, name)
+        name: graphs / f"{name}.onnx" if exported else model / f"{name}{model_folder.WEIGHTS}"
         for name in subnetwork_names(architecture)
     }
     if not whole:
@@ -97,7 +97,7 @@ def read_architecture(model: Path) -> Architecture:
 
 
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:
-    path = _weights_path(target, name)
+    path = target / f"{name}{model_folder.WEIGHTS}"
     with atomic.replacing(path) as partial:
         _reserve(partial, network, half)
         network.save_weights(partial)
@@ -190,7 +190,3 @@ def _read_graph(path: Path, network: keras.Model) -> None:
         raise ValueError(
             f"{path} has other layers than {network.name}: {error}; train again"
         ) from error
-
-
-def _weights_path(model: Path, name: str) -> Path:
-    return model / f"{name}{model_folder.WEIGHTS}"

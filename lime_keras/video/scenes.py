@@ -36,8 +36,6 @@ class Scene:
         image_srgb: the frame that shows the object largest, `(H, W, 3)` uint8 sRGB.
     """
 
-    image_srgb: np.ndarray
-
     def __init__(self, number: int, *, is_cut: bool):
         self.number, self.is_cut = number, is_cut
         self.frames = self.found = 0

@@ -50,18 +50,13 @@ class Tracker:
 
     def step(self, image_srgb: np.ndarray, material: Material) -> Step:
         """Add the next frame `(H, W, 3)`, uint8 sRGB, and its estimate; return the new state."""
-        cut, found = self._cuts.is_cut(image_srgb), has_object(material)
+        cut, found = self._cuts.is_cut(image_srgb), bool(material.mask_coverage)
         self._lost = 0 if found else self._lost + 1
         if cut or self._lost > LOST_AFTER:
             self._fusion = Fusion()
         estimate = parameters(material)
         fused = self._fusion.update(estimate)
         return Step(found, cut, estimate, fused)
-
-
-def has_object(material: Material) -> bool:
-    """Return whether an estimate shows an object: a mask coverage above 0."""
-    return bool(material.mask_coverage)
 
 
 def parameters(material: Material) -> np.ndarray:
@@ -74,7 +69,7 @@ def parameters(material: Material) -> np.ndarray:
     # them, so the average would be the same. But medians of single probabilities are no longer a
     # distribution: if the winning class changes from frame to frame, all medians can be 0. And a
     # network that regresses the exponent has no probabilities.
-    if not has_object(material):
+    if not material.mask_coverage:
         return np.full(len(PARAMETERS), np.nan)
     diffuse = np.full(3, np.nan) if material.diffuse_albedo is None else material.diffuse_albedo
     specular = math.nan if material.specular_albedo is None else material.specular_albedo

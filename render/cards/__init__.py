@@ -22,12 +22,9 @@ def write(folder: Path) -> list[Path]:
     if not parts:
         return []
     name = folder.resolve().name
-    texts = {
-        folder / "README.md": data_card.text(name, parts),
-        folder / "croissant.json": croissant.text(name, parts),
-    }
-    if not data_card.is_ours(folder / "README.md"):
-        del texts[folder / "README.md"]
+    texts = {folder / "croissant.json": croissant.text(name, parts)}
+    if data_card.is_ours(folder / "README.md"):
+        texts[folder / "README.md"] = data_card.text(name, parts)
     for path, content in texts.items():
         # Both splits may be rendered at once.
         atomic.write(path, content, shared=True)

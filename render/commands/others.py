@@ -162,7 +162,8 @@ def _layers(options: argparse.Namespace) -> int:
     console.import_tensorflow()
     from ..inspect import exr_layers
 
-    out = options.out or exr_layers.default_path(options.corpus, options.split, options.index)
+    folder = Split(options.corpus, options.split).folder
+    out = options.out or folder / f"example-{options.index:06d}.exr"
     exr_layers.export(options.corpus, options.split, options.index, out)
     print(out)
     print(exr_layers.environment_path(out))

@@ -5,6 +5,7 @@ from typing import Any
 
 from lime_keras import console
 from lime_keras.io import atomic, untrusted
+from lime_keras.version import __version__, installed
 
 from ..jobs import resuming
 from ..jobs.description import Job
@@ -74,11 +75,12 @@ class Worker:
                         failures += example.failures
                         self.tick(1)
                 digest = untrusted.sha256(partial)
+            found = installed(PACKAGES) | {"lime-keras": __version__}
             sidecar = {
                 "examples": len(asked.indices(shard)),
                 "sha256": digest,
                 "failures": failures,
-                "packages": resuming.versions(PACKAGES),
+                "packages": {name: version or "not installed" for name, version in found.items()},
             }
             resuming.write_json(split.sidecar_path(shard), sidecar, shared=True)
         except (tf.errors.OpError, OSError) as error:

@@ -119,18 +119,13 @@ def _grey(name: str) -> Callable[[Mapping], np.ndarray]:
     return picture
 
 
-def _normals(example: Mapping) -> np.ndarray:
-    """Return the normals as colours, white outside the object."""
-    return np.where(example["mask"] > 0, (example["normal"] + 1) / 2, 1.0)
-
-
 _PICTURES: tuple[tuple[str, Callable[[Mapping], np.ndarray], int], ...] = (
     ("Input", lambda example: example["image"], _THUMB),
     ("Mask", lambda example: np.repeat(example["mask"], 3, axis=-1), _THUMB),
     ("D", _grey("diffuse_shading"), _THUMB),
     ("S", _grey("specular_shading"), _THUMB),
     ("M", _grey("mirror"), _THUMB),
-    ("Normals", _normals, _THUMB),
+    ("Normals", lambda one: np.where(one["mask"] > 0, (one["normal"] + 1) / 2, 1.0), _THUMB),
     ("E", _grey("environment"), 2 * _THUMB),
 )
 """Columns of the page: heading, function that returns a picture `(H, W, 3)`, sRGB in [0, 1], of an

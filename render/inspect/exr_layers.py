@@ -36,11 +36,6 @@ _NUMBERS = ("specular_albedo", "shininess", "ambient")
 _NAMES = ("shape", "light")
 
 
-def default_path(corpus: Path, split: str, index: int) -> Path:
-    """Return the default path of an exported example: beside its shard."""
-    return Split(corpus, split).folder / f"example-{index:06d}.exr"
-
-
 def environment_path(path: Path) -> Path:
     """Return the path of the file that holds the light of an exported example."""
     return path.with_name(f"{path.stem}-environment.exr")

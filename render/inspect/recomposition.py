@@ -33,7 +33,7 @@ def misfit(example: Mapping) -> str | None:
     Args:
         example: parsed record (see `records.parse`) in NumPy.
     """
-    covered = covered_pixels(example)
+    covered = np.flatnonzero(example["mask"])
     code = (pixels_at(example["image"], covered) * 255 + 0.5).astype(np.uint8)
     coverage = pixels_at(example["mask"], covered)
     # The background lies in [0, 1]. Of the coverage, of 8 bits, only 0 and 1 are exact.
@@ -67,11 +67,6 @@ def _composed(example: Mapping, covered: np.ndarray) -> tuple[np.ndarray, np.nda
     high = composed + error
     high[np.maximum(*layers)[0, 0, :, 0] >= records.LARGEST_HALF] = np.inf
     return composed - error, high
-
-
-def covered_pixels(example: Mapping) -> np.ndarray:
-    """Return the row-major indices `(N,)` of the pixels with any coverage."""
-    return np.flatnonzero(example["mask"])
 
 
 def pixels_at(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from lime_keras.optics.material_law import AMBIENT
 
 from ..scene.example import LEAST_COVERAGE
 from . import recomposition
-from .recomposition import FLOAT_ROUNDING, HALF_ROUNDING, covered_pixels, pixels_at
+from .recomposition import FLOAT_ROUNDING, HALF_ROUNDING, pixels_at
 
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror")
 _PROBES = 16  # largest number of pixels in which D and S are computed again
@@ -126,7 +126,7 @@ def _mask(example: Mapping) -> Iterator[tuple[str, str]]:
 
 
 def _normals(example: Mapping) -> Iterator[tuple[str, str]]:
-    covered = covered_pixels(example)
+    covered = np.flatnonzero(example["mask"])
     normal = pixels_at(example["normal"], covered)
     squared = np.einsum("ij,ij->i", normal, normal)
     wrong = ~(np.abs(squared - 1) <= 2 * (HALF_ROUNDING + FLOAT_ROUNDING) + HALF_ROUNDING**2)

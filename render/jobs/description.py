@@ -75,11 +75,6 @@ class Description:
         folder = getattr(self, kind)
         return Path(folder) if folder else None
 
-    @property
-    def light_from(self) -> str:
-        """The split whose lights are used."""
-        return self.light_split or self.split
-
     def recorded(self) -> dict[str, Any]:
         """Return the description as it is stored in JSON; a built-in kind has no entry.
 
@@ -102,9 +97,10 @@ class Description:
             ValueError: if a folder is missing or holds too few files.
         """
         shapes, maps = self.folder("shapes"), self.folder("environments")
+        lights = self.light_split or self.split
         return {
             "shapes": sources.files(shapes, self.split, meshes.EXTENSIONS),
-            "environments": sources.files(maps, self.light_from, environments.EXTENSIONS),
+            "environments": sources.files(maps, lights, environments.EXTENSIONS),
             "backgrounds": sources.pictures(self.folder("backgrounds")),
         }
 

@@ -3,12 +3,10 @@
 import json
 import os
 import uuid
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from lime_keras.io import atomic, untrusted
-from lime_keras.version import __version__, installed
 
 
 def read_description(path: Path) -> dict[str, Any] | None:
@@ -36,12 +34,6 @@ def sidecar(path: Path) -> dict[str, Any]:
         if kinds != [list, dict] or "sha256" not in content:
             raise ValueError("a part is missing")
     return content
-
-
-def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of some packages and of `lime-keras`, by name."""
-    names = {name: version or "not installed" for name, version in installed(packages).items()}
-    return names | {"lime-keras": __version__}
 
 
 def write_json(path: Path, value: Any, *, shared: bool = False) -> None:

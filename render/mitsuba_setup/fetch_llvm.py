@@ -22,15 +22,8 @@ _NEVER_UNPACKED = ("libc6_", "libgcc-s1_", "libstdc++6_")
 """Packages of libraries that the running process has loaded; a second copy would break it."""
 
 
-def main() -> int:
-    """Fetch a libLLVM if none is usable, and return the exit status.
-
-    The status is 0 even if the fetching fails, since rendering works without a libLLVM.
-    """
-    return console.run(_fetch, "run it again to have the fast renderer")
-
-
 def _fetch() -> int:
+    """Fetch a libLLVM if none is usable; return 0 in any case, as rendering works without one."""
     if not any(variants.works(library) for library in variants.candidates()):
         print("no usable libLLVM here: fetching one into the virtual environment", file=sys.stderr)
         try:
@@ -78,4 +71,4 @@ def _download(apt: list[str], version: str) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(console.run(_fetch, "run it again to have the fast renderer"))

@@ -3,7 +3,7 @@
 import json
 
 from lime_keras.train.state import Curve
-from lime_keras.train.summary import evaluation, evaluation_path, table
+from lime_keras.train.summary import evaluation, table
 
 
 def test_validation_losses_before_and_after_each_stage(tmp_path):
@@ -31,7 +31,7 @@ def test_validation_losses_before_and_after_each_stage(tmp_path):
 
 def test_measures_of_the_whole_system(tmp_path):
     found = {"examples": 48, "measures": {"mask_iou_pooled": 0.75, "exponent_exact": None}}
-    evaluation_path(tmp_path).write_text(json.dumps(found), encoding="utf-8")
+    (tmp_path / "evaluation.json").write_text(json.dumps(found), encoding="utf-8")
     lines = [line.split("  ") for line in evaluation(tmp_path).splitlines()]
     assert [[cell.strip() for cell in line if cell] for line in lines] == [
         ["whole system", "of 48 validation examples"],

@@ -446,6 +446,12 @@ def test_a_model_of_which_nothing_fits_is_refused(corpus, config, finished, tmp_
         trainer.train([corpus], tmp_path, on, _ignore, start_from=finished)
 
 
+def test_the_folder_of_a_recipe_is_refused(corpus, config, tmp_path):
+    (tmp_path / "recipe.json").touch()
+    with pytest.raises(ValueError, match="holds a run of a recipe: pass another --out"):
+        trainer.train([corpus], tmp_path, config, _ignore)
+
+
 def test_another_beginning_is_another_run(corpus, config, finished, tmp_path):
     shutil.copytree(finished, tmp_path / "run")
     on = dataclasses.replace(config, begun_from=model_folder.digest(finished))

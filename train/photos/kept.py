@@ -6,6 +6,7 @@ rows are there. Pictures, masks and layers have 8 bits, and marks of pixels 1.
 
 import json
 import math
+import os
 import shutil
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -226,6 +227,7 @@ class Kept:
                 left = rows.view(np.uint8).reshape(-1).data
                 while left:
                     left = left[file.write(left) :]
+                os.fsync(file.fileno())  # or lost power leaves rows of zeros that are marked
 
     def mark(self, part: range) -> None:
         """Note that the rows of a part are made, so that they are not made again."""

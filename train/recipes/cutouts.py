@@ -1,13 +1,13 @@
 """The cut-outs of a recipe: pictures of packages, which their own registries' clients download."""
 
-import hashlib
+import errno
 import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic, scanner
+from lime_keras.io import atomic, scanner, untrusted
 
 from .recipe import Package
 
@@ -25,12 +25,15 @@ def fetch(packages: Sequence[Package], out: Path) -> list[dict[str, Any]]:
     with atomic.replacing(out) as partial:
         partial.mkdir()
         for package in packages:
+            about = {"package": str(package), "ranges": list(package.ranges)}
             try:
-                records.append({"package": str(package)} | _fetch(package, partial))
+                records.append(about | _fetch(package, partial))
             except (OSError, subprocess.CalledProcessError) as error:
+                if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
+                    raise
                 said = getattr(error, "stderr", None) or str(error)
                 why = (said.strip().splitlines() or ["no reason given"])[-1]
-                records.append({"package": str(package), "skipped": why})
+                records.append(about | {"skipped": why})
     return records
 
 
@@ -56,7 +59,7 @@ def _fetch(package: Package, out: Path) -> dict[str, Any]:
             place = out / package.name.replace("/", "-") / path.relative_to(work / "unpacked")
             place.parent.mkdir(parents=True, exist_ok=True)
             path.rename(place)
-        digest = hashlib.sha256(archive.read_bytes()).hexdigest()
+        digest = untrusted.sha256(archive)
     finally:
         shutil.rmtree(work)
     return {"sha256": digest, "pictures": len(pictures)}

@@ -68,11 +68,30 @@ def link_sides(data: Path, kind: str, count: int, out: Path) -> None:
     for side in ("train", "test"):
         (out / kind / side).mkdir(parents=True, exist_ok=True)
         for link in (out / kind / side).iterdir():
-            if link not in wanted or not link.exists():
+            if link.is_symlink() and os.readlink(link) != str(wanted.get(link)):
                 link.unlink()
     for link, path in wanted.items():
-        if not link.exists():
+        if not link.is_symlink():
             os.symlink(path, link)
+
+
+def refuse_twins(files: Mapping[str, str], count: int) -> None:
+    """Raise ValueError if a file of validation has the bytes of one of training.
+
+    Args:
+        files: SHA-256 of each file of a kind, as `digests` returns them.
+        count: number of files that are kept for validation.
+    """
+    validation = validation_names((Path(name).name for name in files), count)
+    sides: dict[str, dict[bool, str]] = {}
+    for name, digest in files.items():
+        sides.setdefault(digest, {})[Path(name).name in validation] = name
+    for side in sides.values():
+        if len(side) == 2:
+            raise ValueError(
+                f"{side[True]} and {side[False]} are the same, so that training would see what "
+                "validates: remove one of them"
+            )
 
 
 def digests(data: Path, kind: str) -> dict[str, str]:

@@ -146,16 +146,23 @@ class Recipe:
                         f"the training {name} names the {what} {unknown[0]}, and the recipe has "
                         f"{', '.join(known) or 'none'}"
                     )
+            if name in shipped() or "validation" in self.corpora:
+                raise ValueError(
+                    f"{name if name in shipped() else 'validation'} is a name of the package: call "
+                    "this training or corpus otherwise"
+                )
             before.append(name)
         if not self.trainings:
             raise ValueError("a recipe without trainings makes no set: add one to `trainings`")
 
     @property
-    def reads_data(self) -> bool:
-        """Whether it reads meshes or maps of a folder of data."""
+    def reads(self) -> dict[str, int]:
+        """The folders of data that it reads, with the number of files that validation keeps."""
         every = [self.validation, *self.corpora.values()]
-        has_places = bool(self.packages) and any(one.cutouts for one in self.trainings.values())
-        return has_places or any(corpus.meshes or corpus.maps for corpus in every)
+        places = bool(self.packages) and any(one.cutouts for one in self.trainings.values())
+        read = any(one.meshes for one in every), places or any(one.maps for one in every)
+        folders = zip(("meshes", "environments"), self.held_out, read, strict=True)
+        return {folder: count for folder, count, is_read in folders if is_read}
 
     def scaled(self, factor: float) -> "Recipe":
         """Return the recipe with `factor` times the batches, photos and examples, for a trial.

@@ -2,12 +2,12 @@
 
 A run's folder holds:
 
-- `recipe.json`: the recipe, its hash, the commit, versions, and the digest of the data;
+- `recipe.json`: the recipe, its hash, and the digest of the data;
 - `data.json`: the SHA-256 of each mesh and map that was there to be used;
 - `data/`: links to them, the validation side in the subfolders `test`;
 - `cutouts/`, `places/`, `corpora/NAME/`, `trainings/NAME/`: what the steps make;
-- `steps/NAME.json`: the record of each step that is done: command, hash, seconds, commit;
-- `model/`, `onnx/`: the set, whose `training.json` has all of these records;
+- `steps/NAME.json`: the record of each step: command, hash, seconds, commits, machine, versions;
+- `model/`, `onnx/`: the set, whose `training.json` has all of these records, and its measures;
 - `eval/`: its evaluation on the validation scenes.
 """
 
@@ -15,7 +15,6 @@ import dataclasses
 import hashlib
 import json
 import os
-import platform
 import shlex
 import shutil
 import signal
@@ -26,16 +25,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from lime_keras import machine
 from lime_keras.io import atomic, locking, untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
-from lime_keras.version import __version__, installed
 
+from .. import graphs
 from ..provenance import commit, differences
 from . import cutouts, data, recipe, steps
 from .recipe import Recipe
 
-_PACKAGES = ("tensorflow", "jax", "keras", "numpy", "mitsuba", "drjit")
 _THREADS = ("OMP_NUM_THREADS", "TF_NUM_INTRAOP_THREADS", "TF_NUM_INTEROP_THREADS")
 """Variables that limit threads; in which order numbers are summed follows from them."""
 _LAUNCH = {"lime-render": "render", "lime-train": "train", "lime-eval": "evaluate"}
@@ -72,17 +71,17 @@ def carry_out(
     """
     chosen = recipe.find(name)
     chosen = chosen if scale == 1 else chosen.scaled(scale)
-    if chosen.reads_data and data_folder is None:
+    if chosen.reads and data_folder is None:
         raise ValueError(
             f"the recipe {name} reads meshes and maps: pass --data with a folder that has "
-            f"{' and '.join(data.SUFFIXES)} (docs/reference/data.md)"
+            f"{' and '.join(chosen.reads)} (docs/reference/data.md)"
         )
-    if data_folder is not None and not chosen.reads_data:
+    if data_folder is not None and not chosen.reads:
         raise ValueError(f"the recipe {name} reads no meshes and maps: leave out --data")
-    if reuse is not None and not (reuse / "steps").is_dir():
+    if reuse is not None and not (reuse / "recipe.json").is_file():
         raise FileNotFoundError(f"{reuse} holds no run of a recipe: check --reuse")
     with locking.lock_folder(folder, "lime-train carries out a recipe in"):
-        _Run(name, chosen, folder, data_folder, seed, reuse).carry_out()
+        _Run(name, chosen, folder, data_folder or Path(), seed, reuse).carry_out()
 
 
 class _Run:
@@ -93,7 +92,7 @@ class _Run:
         name: str,
         chosen: Recipe,
         folder: Path,
-        data_folder: Path | None,
+        data_folder: Path,
         seed: int | None,
         reuse: Path | None,
     ):
@@ -101,19 +100,22 @@ class _Run:
         seed = chosen.seed if seed is None else seed
         # The data, and what is asked for.
         files: dict[str, str] = {}
-        if chosen.reads_data and data_folder is not None:
-            for kind in data.SUFFIXES:
-                files |= data.digests(data_folder, kind)
+        links = self._folder / steps.DATA
+        for kind, count in chosen.reads.items():
+            if (data_folder / kind).resolve() == (links / kind).resolve():
+                raise ValueError(f"{links} is for links to the data: pass another --out")
+            digests = data.digests(data_folder, kind)
+            data.refuse_twins(digests, count)
+            files |= digests
         self._record = self._begin(name, seed, files)
-        if data_folder is not None and files:
-            for kind, count in zip(data.SUFFIXES, chosen.held_out, strict=True):
-                data.link_sides(data_folder, kind, count, self._folder / steps.DATA)
+        for kind, count in chosen.reads.items():
+            data.link_sides(data_folder, kind, count, links)
         # The steps.
-        things = self._fetch_cutouts()
-        self._steps = steps.steps(chosen, seed, any("sha256" in one for one in things))
+        self._things = self._fetch_cutouts()
+        self._steps = steps.steps(chosen, seed, any("sha256" in one for one in self._things))
         self._inputs = {
             steps.DATA: [self._record["data"], chosen.held_out],
-            steps.CUTOUTS: [one.get("sha256") for one in things],
+            steps.CUTOUTS: [[one.get("sha256"), one["ranges"]] for one in self._things],
         }
 
     def carry_out(self) -> None:
@@ -122,7 +124,7 @@ class _Run:
         self._complete(final)
         self._lay_out(final)
         self._complete(steps.EVALUATION)
-        commits = self._commits()
+        commits = self._write_record(final)
         _tell(f"the set is in {self._folder}: make ship WEIGHTS={self._folder} NAME=…")
         _tell(f"its evaluation on validation scenes: {self._folder / steps.EVALUATION}/report.html")
         if len(commits) > 1 or any("dirty" in one or one == _UNKNOWN for one in commits):
@@ -132,7 +134,8 @@ class _Run:
         """Return the record of the run, written if there is none; refuse that of another."""
         plain = json.loads(json.dumps(dataclasses.asdict(self._recipe)))
         path, list_path = self._folder / "recipe.json", self._folder / "data.json"
-        if path.is_file():
+        made = any(_read_record(one)["done"] for one in (self._folder / "steps").rglob("*.json"))
+        if path.is_file() and made:
             with untrusted.naming(path, "the record of a recipe", "remove it"):
                 record = untrusted.read_json(path)
                 begun = {"recipe": record["recipe"], "seed": record["seed"]}
@@ -145,6 +148,8 @@ class _Run:
                     f"another --out, with --reuse {self._folder} for the steps that are the same"
                 )
             return record
+        if not made and any((self._folder / name).exists() for name in ("config.json", "model")):
+            raise ValueError(f"{self._folder} holds a model of no recipe: pass another --out")
         known = data.listed()
         others = sum(known.get(file) != digest for file, digest in files.items())
         if others:
@@ -152,7 +157,7 @@ class _Run:
                 f"{others} of {len(files)} meshes and maps are not of the list of this package, so "
                 "the weights will be others (docs/reference/data.md)"
             )
-        if "dirty" in (now := commit() or _UNKNOWN):
+        if "dirty" in (commit() or _UNKNOWN):
             _tell("this checkout has changes that no commit has: the record will say so")
         record = {
             "name": Path(name).stem,
@@ -161,11 +166,6 @@ class _Run:
             "data": data.total(files) if files else None,
             "sha256": hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest(),
             "files_not_in_list": others,
-            "commit": now,
-            "version": __version__,
-            "packages": installed(_PACKAGES),
-            "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-            "threads": {name: os.environ[name] for name in _THREADS if name in os.environ},
         }
         atomic.write(list_path, json.dumps(files, indent=1) + "\n")
         atomic.write(path, json.dumps(record, indent=1) + "\n")
@@ -173,27 +173,43 @@ class _Run:
 
     def _fetch_cutouts(self) -> list[dict[str, Any]]:
         """Return the records of the packages of cut-outs, downloaded if they were not."""
-        wanted = any(training.cutouts for training in self._recipe.trainings.values())
-        if not wanted or not self._recipe.packages:
+        path, wanted = self._folder / "cutouts.json", self._recipe.packages
+        if not wanted or not any(one.cutouts for one in self._recipe.trainings.values()):
             return []
-        path, things = self._folder / "cutouts.json", self._folder / steps.CUTOUTS / "things"
         other = self._reuse and self._reuse / path.name
         if other is not None and other.is_file() and not path.is_file():
-            named = [one["package"] for one in _packages(other)]
-            if named == [str(package) for package in self._recipe.packages]:
-                _link_tree(other.parent / steps.CUTOUTS, self._folder / steps.CUTOUTS)
+            records, pictures = _packages(other), other.parent / steps.CUTOUTS
+            same = [(one["package"], one["ranges"]) for one in records] == [
+                (str(one), list(one.ranges)) for one in wanted
+            ]
+            if same and all("sha256" in one for one in records) and pictures.is_dir():
+                _link_tree(pictures, self._folder / steps.CUTOUTS)
                 atomic.write(path, other.read_bytes())
-        if not path.is_file() or not things.is_dir():
-            _tell("cut-outs: " + ", ".join(one.name for one in self._recipe.packages))
-            records = cutouts.fetch(self._recipe.packages, things)
-            for one in records:
-                if "skipped" in one:
-                    _tell(
-                        f"skipped: {one['package']}: {one['skipped']}; masks learn without it. To "
-                        f"try again, remove {path}"
-                    )
+        if not path.is_file():
+            _tell("cut-outs: " + ", ".join(one.name for one in wanted))
+            records = cutouts.fetch(wanted, self._folder / steps.CUTOUTS / "things")
             atomic.write(path, json.dumps({"packages": records}, indent=1) + "\n")
-        return _packages(path)
+        out = _packages(path)
+        for one in out:
+            if "skipped" in one:
+                _tell(
+                    f"skipped: {one['package']}: {one['skipped']}; masks learn without it. To try "
+                    f"again, remove {path}"
+                )
+        return out
+
+    def _restore_cutouts(self) -> None:
+        """Download the cut-outs again if they are missing; they have to be those of before."""
+        things = self._folder / steps.CUTOUTS / "things"
+        if things.is_dir():
+            return
+        found = [one.get("sha256") for one in cutouts.fetch(self._recipe.packages, things)]
+        if found != [one.get("sha256") for one in self._things]:
+            shutil.rmtree(things)
+            raise RuntimeError(
+                f"{things} is missing, and the packages cannot be had as they were: copy it from "
+                "where the run began, or pass another --out"
+            )
 
     def _complete(self, name: str) -> None:
         """Take a step, and before it those that it needs, unless it is done."""
@@ -202,28 +218,43 @@ class _Run:
             return
         for needed in step.needs:
             self._complete(needed)
-        record_path = _record_path(self._folder, name)
-        if record_path.is_file() and untrusted.read_json(record_path).get("key") != self._key(name):
+        # What is there of another beginning goes.
+        record_path, key = _record_path(self._folder, name), self._key(name)
+        begun = _read_record(record_path) if record_path.is_file() else {}
+        if begun and begun["key"] != key:
             _tell(f"{name}: follows from other inputs than before, and is made anew")
-            record_path.unlink()
             shutil.rmtree(self._folder / name, ignore_errors=True)
+            begun = {}
+        if step.begins_with and (own := self._folder / step.begins_with).exists():
+            raise ValueError(f"{own} would be taken for the set of that name: pass another --out")
+        if f"{steps.CUTOUTS}/things" in step.command:
+            self._restore_cutouts()
+        # The record, which is begun before, so that it names each commit that had a part.
         number, words = list(self._steps).index(name) + 1, shlex.join(step.command)
         _tell(f"[{number}/{len(self._steps)}] {name}: {words}")
-        began = time.monotonic()
-        _run(step.command, self._folder)
-        seconds = time.monotonic() - began
-        if not step.is_there(self._folder):
-            raise RuntimeError(f"`{words}` left no {step.product} in {self._folder}: see above")
-        if name.startswith("trainings/"):
-            shutil.rmtree(self._folder / name / "photos", ignore_errors=True)
+        now, commits = commit() or _UNKNOWN, begun.get("commit", [])
         record = {
             "command": words,
-            "key": self._key(name),
-            "seconds": round(seconds),
-            "commit": commit() or _UNKNOWN,
+            "key": key,
+            "done": False,
+            "seconds": begun.get("seconds", 0),
+            "commit": commits if now in commits else [*commits, now],
+            "machine": machine.describe(),
+            "threads": {name: os.environ[name] for name in _THREADS if name in os.environ},
         }
         atomic.write(record_path, json.dumps(record, indent=1) + "\n")
-        _tell(f"[{number}/{len(self._steps)}] {name}: {seconds / 60:.1f} minutes")
+        began = time.monotonic()
+        try:
+            _run(step.command, self._folder)
+            if not step.is_there(self._folder):
+                raise RuntimeError(f"`{words}` left no {step.product} in {self._folder}: see above")
+            record["done"] = True
+        finally:
+            record["seconds"] += round(time.monotonic() - began)
+            atomic.write(record_path, json.dumps(record, indent=1) + "\n")
+        if name.startswith("trainings/"):
+            shutil.rmtree(self._folder / name / "photos", ignore_errors=True)
+        _tell(f"[{number}/{len(self._steps)}] {name}: {record['seconds'] / 60:.1f} minutes")
 
     def _key(self, name: str) -> str:
         """Return a hash of all that a step's result follows from, beside the code."""
@@ -232,6 +263,8 @@ class _Run:
         read: list[Any] = [self._inputs[kind] for kind in self._inputs if f"{kind}/" in words]
         if step.begins_with is not None:
             read.append(model_folder.digest(model_folder.shipped()[step.begins_with]))
+        if name == steps.EVALUATION:
+            read.append(model_folder.digest(self._folder))
         follows_from = [step.command, read, [self._key(needed) for needed in step.needs]]
         return hashlib.sha256(json.dumps(follows_from).encode()).hexdigest()
 
@@ -239,7 +272,8 @@ class _Run:
         path = _record_path(folder, name)
         if not path.is_file() or not self._steps[name].is_there(folder):
             return False
-        return untrusted.read_json(path).get("key") == self._key(name)
+        record = _read_record(path)
+        return record["done"] and record["key"] == self._key(name)
 
     def _take_over(self, name: str) -> bool:
         """Take a step's result over from the run to reuse, if it is the same step and done."""
@@ -260,29 +294,27 @@ class _Run:
                 self._take_records(needed, reuse)
 
     def _lay_out(self, final: str) -> None:
-        """Lay the last training's model and graphs out as the set, with the record of all steps."""
+        """Lay the last training's model and graphs out as the set."""
         trained = self._folder / final
         if not (trained / "onnx").is_dir():
-            raise RuntimeError(
-                f"{trained} has no graphs: its model lacks a subnetwork, or lime-export failed; "
-                f"run `lime-export {trained} --format graphs --weights {trained}` for the reason"
-            )
-        taken = {}
-        for name in self._steps:
-            if _record_path(self._folder, name).is_file() and name != steps.EVALUATION:
-                taken[name] = untrusted.read_json(_record_path(self._folder, name))
-        record = untrusted.read_json(trained / "config.json")
-        record |= {"recipe": self._record, "steps": taken}
+            _tell(graphs.write(trained))
+        if not (trained / "onnx").is_dir():
+            raise RuntimeError(f"{trained} has no graphs, for the reason above")
         with gloss_file.kept(self._folder), atomic.replacing(self._folder / "model") as partial:
             shutil.copytree(trained / "model", partial)
-            atomic.write(partial / "training.json", json.dumps(record, indent=1) + "\n")
         with atomic.replacing(self._folder / "onnx") as partial:
             shutil.copytree(trained / "onnx", partial)
 
-    def _commits(self) -> list[str]:
-        """Return the commits of all steps."""
-        paths = sorted((self._folder / "steps").rglob("*.json"))
-        return sorted({untrusted.read_json(path)["commit"] for path in paths})
+    def _write_record(self, final: str) -> list[str]:
+        """Write what the set was made of and how it did; return the commits of all steps."""
+        paths = {name: _record_path(self._folder, name) for name in self._steps}
+        taken = {name: _read_record(path) for name, path in paths.items() if path.is_file()}
+        record = untrusted.read_json(self._folder / final / "config.json")
+        record |= {"recipe": self._record, "steps": taken, "cutouts": self._things}
+        record["validation"] = untrusted.read_json(self._folder / steps.EVALUATION / "metrics.json")
+        text = json.dumps(record, indent=1) + "\n"
+        atomic.write(self._folder / "model" / "training.json", text)
+        return sorted({one for step in taken.values() for one in step["commit"]})
 
 
 def _packages(path: Path) -> list[dict[str, Any]]:
@@ -293,6 +325,15 @@ def _packages(path: Path) -> list[dict[str, Any]]:
 
 def _record_path(run: Path, name: str) -> Path:
     return run / "steps" / f"{name}.json"
+
+
+def _read_record(path: Path) -> dict[str, Any]:
+    """Return the record of a step that was begun."""
+    with untrusted.naming(path, "the record of a step", "remove it"):
+        record = untrusted.read_json(path)
+        # Of before steps could be unfinished, of one commit.
+        commits = [record["commit"]] if isinstance(record["commit"], str) else record["commit"]
+        return {"done": True} | record | {"commit": commits}
 
 
 def _run(command: tuple[str, ...], folder: Path) -> None:
@@ -314,10 +355,10 @@ def _run(command: tuple[str, ...], folder: Path) -> None:
     if status == 130:
         raise KeyboardInterrupt
     if status:
-        raise RuntimeError(
-            f"{command[0]} ended with status {status}, as it says above; the same command of the "
-            "recipe goes on from there"
-        )
+        why = f"ended with status {status}, as it says above"
+        if status < 0:
+            why = f"was ended by signal {-status}: was the memory used up?"
+        raise RuntimeError(f"{command[0]} {why}; the same command of the recipe goes on from there")
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

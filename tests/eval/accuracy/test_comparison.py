@@ -89,7 +89,7 @@ def test_the_table_has_all_25_cells_of_the_papers():
 
 
 def test_intervals_are_those_of_each_runs_own_metrics():
-    own = measures.intervals(_rows(0.05))
+    own = measures.ends(measures.resampled(_rows(0.05)))
     for name, interval in _compared()["runs"]["z"]["interval"].items():
         assert interval == pytest.approx(own[name]), name
 

@@ -58,6 +58,31 @@ def test_both_sides_are_links_and_share_nothing(folder, tmp_path):
     assert set().union(*_sides(out, "meshes")) == set(NAMES) - {name}
 
 
+def test_links_follow_the_folder_and_files_stay(folder, tmp_path):
+    out, moved = tmp_path / "run", tmp_path / "moved"
+    data.link_sides(folder, "meshes", 2, out)
+    own = out / "meshes" / "train" / "notes.txt"
+    own.write_text("mine")
+    shutil.copytree(folder, moved)
+    data.link_sides(moved, "meshes", 2, out)
+    assert own.read_text() == "mine"
+    links = [path for path in (out / "meshes").rglob("*.ply")]
+    assert len(links) == len(NAMES)
+    assert all(path.resolve().is_relative_to(moved) for path in links)
+
+
+def test_one_content_on_both_sides_is_refused(folder):
+    files = data.digests(folder, "meshes")
+    data.refuse_twins(files, 2)
+    kept = data.validation_names(NAMES, 2)
+    seen, left = (f"meshes/train/{min(side)}" for side in (kept, set(NAMES) - kept))
+    with pytest.raises(ValueError, match=rf"{seen} and {left} are the same, so that training"):
+        data.refuse_twins(files | {left: files[seen]}, 2)
+    # Twins of one side are as good as one.
+    other = f"meshes/train/{max(kept)}"
+    data.refuse_twins(files | {other: files[seen]}, 2)
+
+
 def test_a_folder_without_sides_is_split_as_well(folder, tmp_path):
     plain = tmp_path / "plain"
     shutil.copytree(folder / "meshes" / "train", plain / "meshes")

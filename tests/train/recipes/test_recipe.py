@@ -110,9 +110,9 @@ def test_without_cutouts_the_commands_have_none():
 def test_places_of_cut_outs_are_data():
     masks = dataclasses.replace(recipes.live.RECIPE.trainings["decoder"], corpora=("shapes",))
     plain = dataclasses.replace(recipes.builtin.RECIPE, trainings={"decoder": masks})
-    assert not plain.reads_data
+    assert plain.reads == {}
     packages = recipes.live.RECIPE.packages
-    assert dataclasses.replace(plain, packages=packages).reads_data
+    assert dataclasses.replace(plain, packages=packages).reads == {"environments": 15}
 
 
 def test_a_scaled_recipe_differs_in_its_lengths_alone():
@@ -159,6 +159,10 @@ def test_what_a_training_names_must_be_there(change, words):
     wrong = {"material": dataclasses.replace(live.trainings["material"], **change)}
     with pytest.raises(ValueError, match=words):
         dataclasses.replace(live, trainings=live.trainings | wrong)
+    named = {"best": live.trainings["decoder"]}, {"validation": live.corpora["large"]}
+    for change in ({"trainings": live.trainings | named[0]}, {"corpora": live.corpora | named[1]}):
+        with pytest.raises(ValueError, match=r"(best|validation) is a name of the package: call"):
+            dataclasses.replace(live, **change)
     with pytest.raises(ValueError, match="makes no set"):
         dataclasses.replace(live, trainings={})
 

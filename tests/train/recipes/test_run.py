@@ -1,5 +1,7 @@
 """A recipe carried out: each step once, gone on with after a stop, and refused where it differs."""
 
+import errno
+import itertools
 import json
 import shutil
 import signal
@@ -11,8 +13,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from lime_keras import machine
 from lime_keras.io import photo
-from lime_keras.train import cli
+from lime_keras.train import cli, provenance
 from lime_keras.train.recipes import cutouts, data, recipe, run
 
 RECIPE = """
@@ -103,15 +106,13 @@ def test_a_run_takes_each_step_once(own, folder, commands, tmp_path, capsys):
     # The set, with the record of what it follows from.
     record = json.loads((out / "model" / "training.json").read_text())
     assert record["of"][0] == "lime-train" and record["recipe"]["name"] == "own"
-    assert (
-        list(record["steps"])
-        == ["corpora/own", "trainings/masks", "trainings/rest", "corpora/validation"][
-            : len(record["steps"])
-        ]
-    )
-    kept = {"sha256", "seed", "data", "commit", "packages", "machine", "threads"}
-    assert kept < set(record["recipe"])
-    assert record["steps"]["trainings/rest"]["commit"] == record["recipe"]["commit"]
+    assert list(record["steps"]) == ALL and all(one["done"] for one in record["steps"].values())
+    assert {"sha256", "seed", "data"} < set(record["recipe"])
+    made = record["steps"]["trainings/rest"]
+    assert made["commit"] == [provenance.commit()] and made["machine"] == machine.describe()
+    assert made["threads"].keys() <= {"OMP_NUM_THREADS", *run._THREADS}
+    # And how it did on its validation scenes.
+    assert record["validation"] == json.loads((out / "eval" / "metrics.json").read_text())
     assert (out / "onnx" / "a.onnx").is_file()
     assert not list(out.rglob("photos"))
     files = json.loads((out / "data.json").read_text())
@@ -123,15 +124,84 @@ def test_a_run_takes_each_step_once(own, folder, commands, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("at", ALL)
-def test_a_stopped_run_goes_on(own, folder, commands, tmp_path, at):
-    out = tmp_path / "run"
+def test_a_stopped_run_goes_on(own, folder, commands, tmp_path, monkeypatch, at):
+    out, ticks = tmp_path / "run", itertools.count(0, 10)
+    monkeypatch.setattr(run.time, "monotonic", lambda: next(ticks))
+    monkeypatch.setattr(run, "commit", lambda: "first")
     commands.stop.add(at)
     with pytest.raises(KeyboardInterrupt):
         run.carry_out(own, out, data_folder=folder)
     assert commands.ran == ALL[: ALL.index(at)]
     commands.stop.clear()
+    monkeypatch.setattr(run, "commit", lambda: "second")
     run.carry_out(own, out, data_folder=folder)
     assert commands.ran == ALL
+    # The record of the step that was stopped names both commits, and the time of both sittings.
+    record = json.loads((out / "model" / "training.json").read_text())["steps"]
+    assert record[at]["commit"] == ["first", "second"] and record[at]["seconds"] == 20
+    assert all(one["seconds"] == 10 for name, one in record.items() if name != at)
+
+
+def test_a_folder_of_something_else_is_refused(own, folder, commands, tmp_path):
+    plain = tmp_path / "plain"
+    plain.mkdir()
+    (plain / "config.json").write_text("{}")
+    with pytest.raises(ValueError, match="plain holds a model of no recipe: pass another --out"):
+        run.carry_out(own, plain, data_folder=folder)
+    # A model that would be taken for the set that a training begins with.
+    Path(own).write_text(RECIPE.replace("materials=(), opt", 'start_from="live", opt'))
+    (tmp_path / "run" / "live").mkdir(parents=True)
+    with pytest.raises(ValueError, match="run/live would be taken for the set of that name"):
+        run.carry_out(own, tmp_path / "run", data_folder=folder)
+    # The data themselves, which keep all of their files.
+    out = tmp_path / "out"
+    shutil.copytree(folder, out / "data")
+    before = sorted(out.rglob("*"))
+    with pytest.raises(ValueError, match="data is for links to the data: pass another --out"):
+        run.carry_out(own, out, data_folder=out / "data")
+    assert sorted(out.rglob("*")) == before
+
+
+def test_a_recipe_that_made_nothing_yet_may_be_mended(own, folder, commands, tmp_path):
+    out = tmp_path / "run"
+    commands.stop.add("corpora/own")
+    with pytest.raises(KeyboardInterrupt):
+        run.carry_out(own, out, data_folder=folder)
+    commands.stop.clear()
+    Path(own).write_text(RECIPE.replace("seed=1,", "seed=2,"))
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == ALL
+    assert "--seed 2" in json.loads((out / "steps" / "corpora" / "own.json").read_text())["command"]
+
+
+def test_another_set_is_evaluated_anew(own, folder, commands, tmp_path):
+    out = tmp_path / "run"
+    run.carry_out(own, out, data_folder=folder)
+    commands.ran.clear()
+    architecture = out / "trainings" / "rest" / "model" / "architecture.json"
+    architecture.write_text(architecture.read_text() + "\n")
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == ["eval"]
+
+
+def test_graphs_that_could_not_be_written_are_tried_again(
+    own, folder, commands, tmp_path, monkeypatch, capsys
+):
+    def write(trained):
+        if "full" not in tried:
+            tried.append("full")
+            return "no graphs for lime-estimate (disk full)"
+        (trained / "onnx").mkdir()
+        return "its graphs"
+
+    out, tried = tmp_path / "run", []
+    run.carry_out(own, out, data_folder=folder)
+    shutil.rmtree(out / "trainings" / "rest" / "onnx")
+    monkeypatch.setattr(run.graphs, "write", write)
+    with pytest.raises(RuntimeError, match="rest has no graphs, for the reason above"):
+        run.carry_out(own, out, data_folder=folder)
+    assert "disk full" in capsys.readouterr().err
+    run.carry_out(own, out, data_folder=folder)
 
 
 def test_only_what_is_missing_is_made_again(own, folder, commands, tmp_path):
@@ -234,39 +304,96 @@ def test_a_command_gets_time_to_end(monkeypatch):
         process.stdout.close()
 
 
-def test_cutouts_are_downloaded_once(own, folder, commands, tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def packages(own, monkeypatch):
+    """A recipe with cut-outs, whose packages are had as `hashes` says; those that were fetched."""
     fetched = []
 
     def fetch(packages, out):
         fetched.append([str(package) for package in packages])
         out.mkdir(parents=True)
-        one, *others = fetched[-1]
-        return [{"package": one, "sha256": "0"}, *({"package": n, "skipped": "x"} for n in others)]
+        return [
+            {"package": str(one), "ranges": list(one.ranges)} | fetch.found[one.client]
+            for one in packages
+        ]
 
+    fetch.found, fetch.fetched = {"npm": {"sha256": "0"}, "apt": {"skipped": "x"}}, fetched
     monkeypatch.setattr(cutouts, "fetch", fetch)
-    package = 'recipes.Package("npm", "things", "1"), recipes.Package("apt", "none", "2")'
+    named = 'recipes.Package("npm", "things", "1"), recipes.Package("apt", "none", "2")'
     text = RECIPE.replace("average=0.5,", "average=0.5, cutouts=True,")
-    text = text.replace("held_out=(2, 1),", f"held_out=(2, 1), packages=({package}),")
+    text = text.replace("held_out=(2, 1),", f"held_out=(2, 1), packages=({named}),")
     Path(own).write_text(f"from lime_keras.train import recipes\n{text}")
+    return fetch
+
+
+def test_cutouts_are_downloaded_once(own, folder, commands, packages, tmp_path, capsys):
+    packages.found["apt"] = {"sha256": "1"}
     first, second = tmp_path / "first", tmp_path / "second"
     for _ in range(2):
         run.carry_out(own, first, data_folder=folder)
-    assert fetched == [["npm things 1", "apt none 2"]]
-    assert "skipped: apt none 2: x; masks learn without it" in capsys.readouterr().err
-    assert (
-        "--cutouts cutouts/things places"
-        in (first / "steps" / "trainings" / "masks.json").read_text()
-    )
+    assert packages.fetched == [["npm things 1", "apt none 2"]]
+    words = (first / "steps" / "trainings" / "masks.json").read_text()
+    assert "--cutouts cutouts/things places" in words
     commands.ran.clear()
     run.carry_out(own, second, data_folder=folder, reuse=first)
-    assert len(fetched) == 1 and commands.ran == ["eval"]
-    # The set's record lists the steps before the one that was taken over, too.
+    assert len(packages.fetched) == 1 and commands.ran == ["eval"]
+    # The set's record lists the steps before the one that was taken over, and the cut-outs, too.
     made = [json.loads((one / "model" / "training.json").read_text()) for one in (first, second)]
-    assert "trainings/masks" in made[1]["steps"]
-    assert made[0]["steps"].keys() - made[1]["steps"].keys() == {"corpora/validation"}
+    assert made[0]["steps"].keys() == made[1]["steps"].keys() == {"places", *ALL}
+    assert made[0]["cutouts"] == made[1]["cutouts"] and len(made[0]["cutouts"]) == 2
+    # Other pictures of the same packages are others.
+    text = Path(own).read_text()
+    Path(own).write_text(text.replace('"things", "1")', '"things", "1", ("a-b",))'))
+    commands.ran.clear()
+    run.carry_out(own, tmp_path / "third", data_folder=folder, reuse=first)
+    assert len(packages.fetched) == 2
+    assert commands.ran == ["trainings/masks", "trainings/rest", "eval"]
+    Path(own).write_text(text)
     (first / "cutouts.json").write_text("[]")
     with pytest.raises(ValueError, match=r"cutouts.json cannot be read as the record of cut-outs"):
         run.carry_out(own, first, data_folder=folder)
+
+
+def test_a_package_that_was_skipped_is_told_each_time(
+    own, folder, commands, packages, tmp_path, capsys
+):
+    first = tmp_path / "first"
+    for _ in range(2):
+        run.carry_out(own, first, data_folder=folder)
+        assert "skipped: apt none 2: x; masks learn without it" in capsys.readouterr().err
+    # Another run tries again.
+    packages.found["apt"] = {"sha256": "1"}
+    run.carry_out(own, tmp_path / "second", data_folder=folder, reuse=first)
+    assert len(packages.fetched) == 2 and "skipped" not in capsys.readouterr().err
+
+
+def test_lost_cutouts_are_downloaded_where_they_are_needed(
+    own, folder, commands, packages, tmp_path
+):
+    out = tmp_path / "run"
+    run.carry_out(own, out, data_folder=folder)
+    shutil.rmtree(out / "cutouts")
+    commands.ran.clear()
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == [] and len(packages.fetched) == 1
+    for name in ("masks", "rest"):
+        shutil.rmtree(out / "trainings" / name)
+    packages.found["npm"] = {"sha256": "2"}
+    with pytest.raises(RuntimeError, match="things is missing, and the packages cannot be had as"):
+        run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == [] and not (out / "cutouts" / "things").exists()
+    packages.found["npm"] = {"sha256": "0"}
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran[-2:] == ["trainings/masks", "trainings/rest"]
+
+
+def test_a_full_disk_is_no_missing_package(tmp_path, monkeypatch):
+    def download(folder, client, *words):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(cutouts, "_run", download)
+    with pytest.raises(OSError, match="No space left on device"):
+        cutouts.fetch([recipe.Package("npm", "things", "1")], tmp_path / "things")
 
 
 def test_packages_that_cannot_be_had_are_skipped_by_name(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""The machine on which times are measured: processor, system and packages."""
+"""The machine on which something is trained or timed: processor, system and packages."""
 
 import os
 import platform
@@ -7,7 +7,10 @@ from pathlib import Path
 from lime_keras import processors
 from lime_keras.version import installed
 
-_PACKAGES = ("tensorflow", "keras", "onnxruntime", "onnx", "tf2onnx", "numpy", "lime-keras")
+_PACKAGES = (
+    *("tensorflow", "jax", "keras", "onnxruntime", "onnx", "tf2onnx"),
+    *("numpy", "mitsuba", "drjit", "lime-keras"),
+)
 """Packages that compute, or that write the models."""
 _DECIDE_PRECISION = (
     *("avx2", "avx512f", "avx_vnni", "avx512_vnni", "avx512_bf16", "avx512_fp16"),
@@ -21,7 +24,7 @@ def describe() -> dict:
 
     Returns:
         `processor`, usable `cores`, `instructions` that decide a precision's speed, `memory_gib`,
-        `system`, `python` (version), and versions of the `packages` by name.
+        `system`, `python` (version), and versions of the installed `packages` by name.
     """
     about = _processor()
     flags = set(about.get("flags", about.get("Features", "")).split())
@@ -32,7 +35,7 @@ def describe() -> dict:
         "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
         "system": platform.platform(),
         "python": platform.python_version(),
-        "packages": installed(_PACKAGES),
+        "packages": {k: v for k, v in installed(_PACKAGES).items() if v is not None},
     }
 
 
