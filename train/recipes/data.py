@@ -21,7 +21,6 @@ from lime_keras.io import scanner, untrusted
 LIST = Path(__file__).parent / "data.csv"
 SUFFIXES = {"meshes": (".obj", ".ply", ".stl", ".glb"), "environments": (".hdr", ".exr")}
 """Suffixes of the files of each folder, as `lime-render` reads them."""
-_NAMED = 10
 
 
 def training_files(data: Path, kind: str) -> list[Path]:
@@ -150,10 +149,8 @@ def main(argv: list[str] | None = None) -> int:
 
 def _check(data: Path) -> int:
     wrong = faults(data)
-    for line in wrong[:_NAMED]:
+    for line in wrong:
         print(line)
-    if len(wrong) > _NAMED:
-        print(f"and {len(wrong) - _NAMED} more")
     count = len(listed())
     print(
         f"{data} holds {'other files than' if wrong else 'all'} the {count} files of the list"
