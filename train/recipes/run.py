@@ -224,6 +224,7 @@ class _Run:
         if begun and begun["key"] != key:
             _tell(f"{name}: follows from other inputs than before, and is made anew")
             shutil.rmtree(self._folder / name, ignore_errors=True)
+        if begun and (begun["done"] or begun["key"] != key):
             begun = {}
         if step.begins_with and (own := self._folder / step.begins_with).exists():
             raise ValueError(f"{own} would be taken for the set of that name: pass another --out")

@@ -214,8 +214,12 @@ def test_only_what_is_missing_is_made_again(own, folder, commands, tmp_path):
     run.carry_out(own, out, data_folder=folder)
     assert commands.ran == []
     shutil.rmtree(out / "trainings" / "rest")
+    record = json.loads((out / "steps" / "corpora" / "own.json").read_text())
+    (out / "steps" / "corpora" / "own.json").write_text(json.dumps(record | {"seconds": 9999}))
     run.carry_out(own, out, data_folder=folder)
     assert commands.ran == ["corpora/own", "trainings/rest"]
+    # Its seconds are those of what is there now.
+    assert json.loads((out / "steps" / "corpora" / "own.json").read_text())["seconds"] < 60
 
 
 def test_another_recipe_or_other_data_are_refused(own, folder, commands, tmp_path):
