@@ -64,7 +64,7 @@ specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo, j
 An interrupted command, run again, goes on from its last checkpoint, at most a minute back.
 
 The recipes make sets of weights: they render corpora, train, and evaluate on validation scenes.
-live and builtin begin with nothing, the others with the live that comes with the package.
+live begins with nothing, the others with the live that comes with the package.
 best, live, nano and uniform train by Muon (MirrorNet by Adam, as its deep levels die otherwise),
 builtin too, without any data of yours; live_adam is live whose S and encoders learn by Adam, as the
 paper's do. The presets smoke and paper train by Adam, nano and live by Muon.

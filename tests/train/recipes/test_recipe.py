@@ -92,7 +92,7 @@ def test_only_uniform_reads_the_split_in_its_shading(name, reads):
     assert (getattr(options, "with") == ["dichromatic-shading"]) == reads
 
 
-@pytest.mark.parametrize("name", ["best", "nano", "uniform", "live_adam"])
+@pytest.mark.parametrize("name", ["best", "nano", "uniform", "live_adam", "builtin"])
 def test_the_other_sets_begin_with_live_as_it_ships(name):
     recipe = recipes.find(name)
     step = steps.steps(recipe, 0, cutouts=False)[f"trainings/{next(iter(recipe.trainings))}"]
