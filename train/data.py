@@ -114,7 +114,9 @@ class Data:
         count = min(photos.count, stage.steps * size)
 
         def read(step: int) -> Batch:
-            rows = _rows(count, seed, range(step * size, (step + 1) * size))
+            # Each photo once an epoch, in an own order.
+            places = range(step * size, (step + 1) * size)
+            rows = np.array([making.order(count, seed, at // count)[at % count] for at in places])
             batch = _read(photos, replies, rows, wanted)
             if self._config.schedule.flips:
                 flip(batch, np.random.default_rng((seed, step)).random(size) < 0.5)
@@ -235,11 +237,6 @@ def _ahead(read: Callable[[int], Batch], first_step: int) -> Iterator[Batch]:
 def without_origin(batch: Batch) -> Batch:
     """Return a batch without `seed` and `index`, which the networks must not get."""
     return {name: value for name, value in batch.items() if name not in _ORIGIN}
-
-
-def _rows(count: int, seed: int, positions: range) -> np.ndarray:
-    """Return the photos at some positions of a stage: each once an epoch, in an own order."""
-    return np.array([making.order(count, seed, at // count)[at % count] for at in positions])
 
 
 def _read(photos: Kept, replies: Kept | None, rows: np.ndarray, features: Collection[str]) -> Batch:

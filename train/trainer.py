@@ -151,7 +151,7 @@ class _Run:
             if config.begun_from is not None:
                 begun = initial_weights.load(start_from, self._subnetworks, config.fresh or ())
             elif config.fresh:
-                raise ValueError("--fresh says what does not take the weights of --start-from")
+                raise ValueError("--fresh is for --start-from: pass it, or leave --fresh out")
             if config.architecture.pretrained and "segmentation" not in begun:
                 backbone.begin(self._subnetworks["segmentation"])
         if begun and split.leads:
@@ -259,6 +259,7 @@ def _freeze(config: Config, subnetworks: Mapping[str, keras.Model], begun: Colle
     for name in config.frozen or ():
         if name not in begun:
             why = "did not begin with its weights" if name in subnetworks else "has no such part"
+            why = "begins with a fresh one (--fresh)" if name in (config.fresh or ()) else why
             raise ValueError(
                 f"--freeze {name}: this run {why}; pass --start-from with a model that has it"
             )

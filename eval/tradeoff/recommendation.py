@@ -98,14 +98,13 @@ def advise(rows: Sequence[Row]) -> list[dict[str, Any]]:
         within = [row for row in chosen if budget is None or row["ms"] <= budget]
         least = min((row["score"] for row in within), default=math.inf)
         as_good = [row for row in within if row["score"] <= least * (1 + _AS_GOOD)]
-        row = min(as_good or chosen, key=_cost)
+        factor = {"float32": 1.0}
+        row = min(
+            as_good or chosen, key=lambda r: r["ms"] * factor.get(r["precision"], _WRITTEN_FIRST)
+        )
         advice = {"use": use, "budget_ms": budget, "row": dict(row), "within": bool(within)}
         out.append(advice | {"commands": commands(row)})
     return out
-
-
-def _cost(row: Row) -> float:
-    return float(row["ms"]) * (1 if row["precision"] == "float32" else _WRITTEN_FIRST)
 
 
 def commands(row: Row) -> list[str]:

@@ -48,7 +48,8 @@ def misfit(example: Mapping) -> str | None:
     miss = np.maximum(low - lightest, darkest - high)
     pixel, channel = np.unravel_index(np.argmax(miss), miss.shape)
     row, column = divmod(int(covered[pixel]), len(example["mask"]))
-    bounds = [f"{_code(bound[pixel, channel]):.1f}" for bound in (low, high)]
+    ends = np.clip([low[pixel, channel], high[pixel, channel]], 0, 1)
+    bounds = [f"{255 * float(code):.1f}" for code in colour.linear_to_srgb(ends)]
     return (
         f"{np.count_nonzero(wrong.any(axis=-1))} of {len(code)} pixels are not m_a + m_d D + m_s S "
         f"over a background, worst at row {row}, column {column}, {'RGB'[channel]}: "
@@ -72,8 +73,3 @@ def _composed(example: Mapping, covered: np.ndarray) -> tuple[np.ndarray, np.nda
 def pixels_at(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Return the values `(N, C)` of an image `(S, S, C)`; indices are faster than a mask."""
     return np.take(image.reshape(-1, image.shape[-1]), pixels, axis=0)
-
-
-def _code(linear: float) -> float:
-    """Return the sRGB code, not rounded, of a linear radiance."""
-    return 255 * float(colour.linear_to_srgb(np.clip(linear, 0, 1)))

@@ -354,12 +354,12 @@ def test_fresh_names_what_would_take_other_weights(
     corpus, config, finished, tmp_path, fresh, words
 ):
     on = dataclasses.replace(config, fresh=(fresh,))
-    with pytest.raises(ValueError, match="--fresh says what does not take the weights of --start"):
+    with pytest.raises(ValueError, match="--fresh is for --start-from: pass it, or leave"):
         trainer.train([corpus], tmp_path / "run", on, _ignore)
     on = dataclasses.replace(
         on, begun_from=model_folder.digest(finished), frozen=None if words else (fresh,)
     )
-    with pytest.raises(ValueError, match=words or "--freeze mirror: this run did not begin with"):
+    with pytest.raises(ValueError, match=words or "--freeze mirror: this run begins with a"):
         trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=finished)
 
 

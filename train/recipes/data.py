@@ -31,9 +31,7 @@ def training_files(data: Path, kind: str) -> list[Path]:
     """
     folder = data / kind / "train" if (data / kind / "train").is_dir() else data / kind
     if not folder.is_dir():
-        raise FileNotFoundError(
-            f"{folder} is missing: --data takes a folder with {' and '.join(SUFFIXES)}"
-        )
+        raise FileNotFoundError(f"{folder} is missing: --data takes a folder that has {kind}")
     files = scanner.list_folder(folder, SUFFIXES[kind])
     if len(files) < 2:
         raise FileNotFoundError(
@@ -67,6 +65,8 @@ def link_sides(data: Path, kind: str, count: int, out: Path) -> None:
     for side in ("train", "test"):
         (out / kind / side).mkdir(parents=True, exist_ok=True)
         for link in (out / kind / side).iterdir():
+            if not link.is_symlink() and link.suffix.lower() in SUFFIXES[kind]:
+                raise ValueError(f"{link} is no link to the data: remove it")
             if link.is_symlink() and os.readlink(link) != str(wanted.get(link)):
                 link.unlink()
     for link, path in wanted.items():
@@ -88,8 +88,8 @@ def refuse_twins(files: Mapping[str, str], count: int) -> None:
     for side in sides.values():
         if len(side) == 2:
             raise ValueError(
-                f"{side[True]} and {side[False]} are the same, so that training would see what "
-                "validates: remove one of them"
+                f"{side[True]} and {side[False]} are the same, and one of them is kept for "
+                "validation: remove the other"
             )
 
 

@@ -85,7 +85,7 @@ class Training:
             sixteen times as long.
         size: height and width of the networks' images; None for the recipe's.
         preset: its preset, where it is not the recipe's.
-        options: further options of `lime-train`, after those of the recipe.
+        options: further options of `lime-train`.
     """
 
     stages: tuple[str, ...]
@@ -117,7 +117,6 @@ class Recipe:
         validation: the corpus of validation scenes, which alone choose; its meshes and maps are
             kept out of all others.
         size: height and width of the networks' images; None for the preset's.
-        options: further options of `lime-train` for all trainings, which change the architecture.
         held_out: numbers of meshes and of maps on the validation side.
         packages: packages of cut-outs.
         seed: seed of the trainings, where `lime-train --seed` passes no other.
@@ -128,7 +127,6 @@ class Recipe:
     trainings: Mapping[str, Training]
     validation: Corpus
     size: int | None = None
-    options: tuple[str, ...] = ()
     held_out: tuple[int, int] = (60, 15)
     packages: tuple[Package, ...] = ()
     seed: int = 0

@@ -21,7 +21,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from lime_keras.model import gloss_file
 from .. import graphs
 from ..provenance import commit, differences
 from . import cutouts, data, recipe, steps
-from .recipe import Recipe
+from .recipe import Package, Recipe
 
 _THREADS = ("OMP_NUM_THREADS", "TF_NUM_INTRAOP_THREADS", "TF_NUM_INTEROP_THREADS")
 """Variables that limit threads; in which order numbers are summed follows from them."""
@@ -73,8 +73,8 @@ def carry_out(
     chosen = chosen if scale == 1 else chosen.scaled(scale)
     if chosen.reads and data_folder is None:
         raise ValueError(
-            f"the recipe {name} reads meshes and maps: pass --data with a folder that has "
-            f"{' and '.join(chosen.reads)} (docs/reference/data.md)"
+            f"the recipe {name} reads {' and '.join(chosen.reads)}: pass --data with a folder that "
+            "has them (docs/reference/data.md)"
         )
     if data_folder is not None and not chosen.reads:
         raise ValueError(f"the recipe {name} reads no meshes and maps: leave out --data")
@@ -115,8 +115,15 @@ class _Run:
         self._steps = steps.steps(chosen, seed, any("sha256" in one for one in self._things))
         self._inputs = {
             steps.DATA: [self._record["data"], chosen.held_out],
-            steps.CUTOUTS: [[one.get("sha256"), one["ranges"]] for one in self._things],
+            # Without the names of pictures, where an older version downloaded them.
+            steps.CUTOUTS: [
+                [one.get("sha256"), one["ranges"]] if "ranges" in one else one.get("sha256")
+                for one in self._things
+            ],
         }
+        for step in self._steps.values():
+            if step.begins_with and (own := self._folder / step.begins_with).exists():
+                raise ValueError(f"{own} would be taken for that set: pass another --out")
 
     def carry_out(self) -> None:
         """Take all steps that are not done, and lay the set out in the folder."""
@@ -177,15 +184,11 @@ class _Run:
         if not wanted or not any(one.cutouts for one in self._recipe.trainings.values()):
             return []
         other = self._reuse and self._reuse / path.name
-        if other is not None and other.is_file() and not path.is_file():
-            records, pictures = _packages(other), other.parent / steps.CUTOUTS
-            same = [(one["package"], one["ranges"]) for one in records] == [
-                (str(one), list(one.ranges)) for one in wanted
-            ]
-            if same and all("sha256" in one for one in records) and pictures.is_dir():
-                _link_tree(pictures, self._folder / steps.CUTOUTS)
-                atomic.write(path, other.read_bytes())
-        if not path.is_file():
+        if other is not None and not path.is_file() and _fits(other, wanted):
+            atomic.write(path, other.read_bytes())
+            if (other.parent / steps.CUTOUTS).is_dir():
+                _link_tree(other.parent / steps.CUTOUTS, self._folder / steps.CUTOUTS)
+        if not _fits(path, wanted):
             _tell("cut-outs: " + ", ".join(one.name for one in wanted))
             records = cutouts.fetch(wanted, self._folder / steps.CUTOUTS / "things")
             atomic.write(path, json.dumps({"packages": records}, indent=1) + "\n")
@@ -194,7 +197,7 @@ class _Run:
             if "skipped" in one:
                 _tell(
                     f"skipped: {one['package']}: {one['skipped']}; masks learn without it. To try "
-                    f"again, remove {path}"
+                    f"again, remove {path}, and pass no --reuse"
                 )
         return out
 
@@ -203,12 +206,13 @@ class _Run:
         things = self._folder / steps.CUTOUTS / "things"
         if things.is_dir():
             return
-        found = [one.get("sha256") for one in cutouts.fetch(self._recipe.packages, things)]
-        if found != [one.get("sha256") for one in self._things]:
+        found = cutouts.fetch(self._recipe.packages, things)
+        if [one.get("sha256") for one in found] != [one.get("sha256") for one in self._things]:
             shutil.rmtree(things)
+            why = "; ".join(one.get("skipped", "another file") for one in found)
             raise RuntimeError(
-                f"{things} is missing, and the packages cannot be had as they were: copy it from "
-                "where the run began, or pass another --out"
+                f"{things} is missing, and the packages cannot be had as they were ({why}): copy "
+                "it from where the run began, or pass another --out"
             )
 
     def _complete(self, name: str) -> None:
@@ -218,7 +222,7 @@ class _Run:
             return
         for needed in step.needs:
             self._complete(needed)
-        # What is there of another beginning goes.
+        # Remove what follows from other inputs.
         record_path, key = _record_path(self._folder, name), self._key(name)
         begun = _read_record(record_path) if record_path.is_file() else {}
         if begun and begun["key"] != key:
@@ -226,8 +230,6 @@ class _Run:
             shutil.rmtree(self._folder / name, ignore_errors=True)
         if begun and (begun["done"] or begun["key"] != key):
             begun = {}
-        if step.begins_with and (own := self._folder / step.begins_with).exists():
-            raise ValueError(f"{own} would be taken for the set of that name: pass another --out")
         if f"{steps.CUTOUTS}/things" in step.command:
             self._restore_cutouts()
         # The record, which is begun before, so that it names each commit that had a part.
@@ -287,12 +289,13 @@ class _Run:
 
     def _take_records(self, name: str, reuse: Path) -> None:
         """Take over the records of a step and of those before it: the set's record lists all."""
+        if self._is_done(name, self._folder):
+            return
         path = _record_path(reuse, name)
         if path.is_file():
             atomic.write(_record_path(self._folder, name), path.read_bytes())
         for needed in self._steps[name].needs:
-            if not _record_path(self._folder, needed).is_file():
-                self._take_records(needed, reuse)
+            self._take_records(needed, reuse)
 
     def _lay_out(self, final: str) -> None:
         """Lay the last training's model and graphs out as the set."""
@@ -310,12 +313,22 @@ class _Run:
         """Write what the set was made of and how it did; return the commits of all steps."""
         paths = {name: _record_path(self._folder, name) for name in self._steps}
         taken = {name: _read_record(path) for name, path in paths.items() if path.is_file()}
+        taken = {name: step for name, step in taken.items() if step["done"]}
         record = untrusted.read_json(self._folder / final / "config.json")
         record |= {"recipe": self._record, "steps": taken, "cutouts": self._things}
         record["validation"] = untrusted.read_json(self._folder / steps.EVALUATION / "metrics.json")
         text = json.dumps(record, indent=1) + "\n"
         atomic.write(self._folder / "model" / "training.json", text)
         return sorted({one for step in taken.values() for one in step["commit"]})
+
+
+def _fits(path: Path, packages: Sequence[Package]) -> bool:
+    """Return whether a record of cut-outs is of these packages and pictures."""
+    records = _packages(path) if path.is_file() else []
+    return [(one["package"], one.get("ranges")) for one in records] in (
+        [(str(one), list(one.ranges)) for one in packages],
+        [(str(one), None) for one in packages],  # of an older version
+    )
 
 
 def _packages(path: Path) -> list[dict[str, Any]]:
@@ -332,9 +345,9 @@ def _read_record(path: Path) -> dict[str, Any]:
     """Return the record of a step that was begun."""
     with untrusted.naming(path, "the record of a step", "remove it"):
         record = untrusted.read_json(path)
-        # Of before steps could be unfinished, of one commit.
+        # An older version wrote one commit, and only when the step was done.
         commits = [record["commit"]] if isinstance(record["commit"], str) else record["commit"]
-        return {"done": True} | record | {"commit": commits}
+        return {"done": True} | record | {"key": record["key"], "commit": commits}
 
 
 def _run(command: tuple[str, ...], folder: Path) -> None:
@@ -358,7 +371,8 @@ def _run(command: tuple[str, ...], folder: Path) -> None:
     if status:
         why = f"ended with status {status}, as it says above"
         if status < 0:
-            why = f"was ended by signal {-status}: was the memory used up?"
+            killed = ": was the memory used up?" if status == -signal.SIGKILL else ""
+            why = f"was ended by signal {-status}{killed}"
         raise RuntimeError(f"{command[0]} {why}; the same command of the recipe goes on from there")
 
 

@@ -103,7 +103,7 @@ def _training(recipe: Recipe, name: str, training: Training, seed: int, cutouts:
         "--seed": seed,
     }
     needs = (*corpora, *([earlier] if earlier else []), *([PLACES] if sees else []))
-    words = ("lime-train", *corpora, *_words(options), *recipe.options, *training.options)
+    words = ("lime-train", *corpora, *_words(options), *training.options)
     product, begins_with = f"{folder}/model/architecture.json", None if earlier else before
     return Step(words, product, needs, begins_with)
 

@@ -8,6 +8,8 @@ import pytest
 import stage_runs
 
 from lime_keras.networks import build
+from lime_keras.networks.registry import QUANTITIES, is_plain
+from lime_keras.networks.wiring import Wiring
 from lime_keras.train.photos import answers, masks
 from lime_keras.train.photos.kept import INPUT_MASK, PREDICTED, Kept
 from lime_keras.train.stage_model import StageModel
@@ -67,6 +69,24 @@ def test_a_stage_learns_from_kept_predictions_as_from_fresh_ones(networks, photo
     expected, seen = map(keras.ops.convert_to_numpy, found)
     assert np.ptp(expected) > 1e-3
     np.testing.assert_allclose(seen, expected, rtol=0.02, atol=2e-3)
+
+
+@pytest.mark.parametrize("parts", [{"linear": True}, {"dichromatic": True, "hue": True}])
+def test_kept_predictions_are_those_of_the_wiring(photos, tmp_path, parts):
+    """With plain heads, and with a split of colours that SpecularNet reads."""
+    frozen = _of(build(dataclasses.replace(stage_runs.TINY, **parts)), "specular", "mirror")
+    told = Kept(tmp_path / "answers", COUNT, answers.features(frozen), SIZE)
+    answers.make(photos, told, frozen, 1, lambda *progress: None)
+    rows = np.arange(COUNT)
+    kept = told.read(rows, told.features)
+    seen = photos.read(rows, ("image",)) | {"mask": kept[INPUT_MASK]}
+    wiring = Wiring(frozen, seen, training=False)
+    for quantity, name in (("specular_shading", "specular"), ("mirror", "mirror")):
+        raw = wiring.raw_prediction(quantity)
+        raw = QUANTITIES[quantity].plain(raw) if is_plain(frozen[name]) else raw
+        expected = keras.ops.convert_to_numpy(raw)
+        found = kept[f"{PREDICTED}{quantity}"]
+        assert np.abs(found - expected).max() <= 0.02 * np.abs(expected).max() + 1e-6, quantity
 
 
 def test_predictions_are_those_for_the_mask_that_the_files_hold(networks, photos, tmp_path):

@@ -69,6 +69,10 @@ def test_links_follow_the_folder_and_files_stay(folder, tmp_path):
     links = [path for path in (out / "meshes").rglob("*.ply")]
     assert len(links) == len(NAMES)
     assert all(path.resolve().is_relative_to(moved) for path in links)
+    # A file that would be rendered as one of the data.
+    own.rename(own.with_suffix(".ply"))
+    with pytest.raises(ValueError, match=r"notes.ply is no link to the data: remove it"):
+        data.link_sides(moved, "meshes", 2, out)
 
 
 def test_one_content_on_both_sides_is_refused(folder):
@@ -76,7 +80,7 @@ def test_one_content_on_both_sides_is_refused(folder):
     data.refuse_twins(files, 2)
     kept = data.validation_names(NAMES, 2)
     seen, left = (f"meshes/train/{min(side)}" for side in (kept, set(NAMES) - kept))
-    with pytest.raises(ValueError, match=rf"{seen} and {left} are the same, so that training"):
+    with pytest.raises(ValueError, match=rf"{seen} and {left} are the same, and one of them"):
         data.refuse_twins(files | {left: files[seen]}, 2)
     # Twins of one side are as good as one.
     other = f"meshes/train/{max(kept)}"

@@ -3,6 +3,7 @@
 import errno
 import itertools
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -21,19 +22,19 @@ from lime_keras.train.recipes import cutouts, data, recipe, run
 RECIPE = """
 from lime_keras.train.recipes import Corpus, Recipe, Training
 
+TINY = ("--width", "2", "--encoder-width", "2", "--no-camera")
 RECIPE = Recipe(
     preset="smoke",
     size=32,
-    options=("--width", "2", "--encoder-width", "2", "--no-camera"),
     corpora={"own": Corpus(40, seed=1, size=32, endless=0.0)},
     trainings={
         "masks": Training(
             ("segmentation",), ("own",), steps=2, rate=1e-3, photos=16, batch_size=4,
-            materials=(), optimizer="adam", average=0.5, precision="float32",
+            materials=(), optimizer="adam", average=0.5, options=TINY,
         ),
         "rest": Training(
             ("specular", "mirror", "albedo", "exponent"), ("own",), steps=2, rate=1e-3, photos=16,
-            batch_size=4, materials=(), start_from="masks", precision="float32",
+            batch_size=4, materials=(), start_from="masks", options=TINY,
         ),
     },
     validation=Corpus(8, seed=9, size=32),
@@ -97,8 +98,9 @@ def commands(monkeypatch):
 ALL = ["corpora/own", "trainings/masks", "trainings/rest", "corpora/validation", "eval"]
 
 
-def test_a_run_takes_each_step_once(own, folder, commands, tmp_path, capsys):
+def test_a_run_takes_each_step_once(own, folder, commands, tmp_path, capsys, monkeypatch):
     out = tmp_path / "run"
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
     run.carry_out(own, out, data_folder=folder)
     assert commands.ran == ALL
     run.carry_out(own, out, data_folder=folder)
@@ -110,7 +112,7 @@ def test_a_run_takes_each_step_once(own, folder, commands, tmp_path, capsys):
     assert {"sha256", "seed", "data"} < set(record["recipe"])
     made = record["steps"]["trainings/rest"]
     assert made["commit"] == [provenance.commit()] and made["machine"] == machine.describe()
-    assert made["threads"].keys() <= {"OMP_NUM_THREADS", *run._THREADS}
+    assert made["threads"]["OMP_NUM_THREADS"] == "3"
     # And how it did on its validation scenes.
     assert record["validation"] == json.loads((out / "eval" / "metrics.json").read_text())
     assert (out / "onnx" / "a.onnx").is_file()
@@ -151,8 +153,9 @@ def test_a_folder_of_something_else_is_refused(own, folder, commands, tmp_path):
     # A model that would be taken for the set that a training begins with.
     Path(own).write_text(RECIPE.replace("materials=(), opt", 'start_from="live", opt'))
     (tmp_path / "run" / "live").mkdir(parents=True)
-    with pytest.raises(ValueError, match="run/live would be taken for the set of that name"):
+    with pytest.raises(ValueError, match="run/live would be taken for that set: pass another"):
         run.carry_out(own, tmp_path / "run", data_folder=folder)
+    assert commands.ran == []
     # The data themselves, which keep all of their files.
     out = tmp_path / "out"
     shutil.copytree(folder, out / "data")
@@ -168,6 +171,7 @@ def test_a_recipe_that_made_nothing_yet_may_be_mended(own, folder, commands, tmp
     with pytest.raises(KeyboardInterrupt):
         run.carry_out(own, out, data_folder=folder)
     commands.stop.clear()
+    (out / "cutouts.json").write_text("{}")
     Path(own).write_text(RECIPE.replace("seed=1,", "seed=2,"))
     run.carry_out(own, out, data_folder=folder)
     assert commands.ran == ALL
@@ -237,8 +241,15 @@ def test_another_recipe_or_other_data_are_refused(own, folder, commands, tmp_pat
     (other / "meshes" / "ball0.ply").write_bytes(b"")
     with pytest.raises(ValueError, match=r"data.meshes/ball0.ply \w{64} there, \w{64} asked"):
         run.carry_out(own, out, data_folder=other)
-    with pytest.raises(ValueError, match="reads meshes and maps: pass --data"):
+    with pytest.raises(ValueError, match="reads meshes and environments: pass --data"):
         run.carry_out(own, tmp_path / "new")
+    # One content on both sides of validation.
+    names = sorted(path.name for path in (folder / "meshes").iterdir())
+    kept = min(data.validation_names(names, 2))
+    twin = min(set(names) - data.validation_names(names, 2))
+    shutil.copyfile(folder / "meshes" / kept, other / "meshes" / twin)
+    with pytest.raises(ValueError, match=f"{kept} and meshes/{twin} are the same"):
+        run.carry_out(own, tmp_path / "new", data_folder=other)
     with pytest.raises(ValueError, match="builtin reads no meshes and maps: leave out --data"):
         run.carry_out("builtin", tmp_path / "new", data_folder=folder)
     (out / "recipe.json").write_text("[]")
@@ -263,6 +274,33 @@ def test_equal_steps_are_taken_over(own, folder, commands, tmp_path, capsys):
     assert commands.ran == ALL
     with pytest.raises(FileNotFoundError, match="holds no run of a recipe: check --reuse"):
         run.carry_out(own, tmp_path / "fourth", data_folder=folder, reuse=tmp_path)
+
+
+def test_a_run_of_an_older_version_is_taken_over(own, folder, commands, packages, tmp_path):
+    first = tmp_path / "first"
+    run.carry_out(own, first, data_folder=folder)
+    # It recorded no names of pictures, one commit, and a step only when it was done.
+    cut = json.loads((first / "cutouts.json").read_text())["packages"]
+    cut = [{name: one[name] for name in one if name != "ranges"} for one in cut]
+    (first / "cutouts.json").write_text(json.dumps({"packages": cut}))
+    key = _older_keys(own, folder, first, cut)
+    for path in (first / "steps").rglob("*.json"):
+        name = path.relative_to(first / "steps").with_suffix("").as_posix()
+        record = json.loads(path.read_text())
+        old = {"command": record["command"], "key": key[name], "seconds": 5, "commit": "abc"}
+        path.write_text(json.dumps(old))
+    commands.ran.clear()
+    run.carry_out(own, tmp_path / "second", data_folder=folder, reuse=first)
+    assert commands.ran == ["eval"] and len(packages.fetched) == 1
+    made = json.loads((tmp_path / "second" / "model" / "training.json").read_text())
+    assert made["steps"]["trainings/masks"]["commit"] == ["abc"]
+
+
+def _older_keys(own, folder, out, cut):
+    """The keys of the steps of a run whose cut-outs were recorded by their digests alone."""
+    reopened = run._Run(own, recipe.find(own), out, folder, None, None)
+    assert reopened._inputs["cutouts"] == [one.get("sha256") for one in cut]
+    return {name: reopened._key(name) for name in reopened._steps}
 
 
 def test_a_step_follows_from_the_set_that_it_begins_with(own, folder, commands, tmp_path):
@@ -294,6 +332,27 @@ def test_a_command_that_fails_ends_the_run(own, folder, tmp_path, capfd):
     assert "error: lime-render ended with status 2, as it says above" in told
 
 
+def test_a_command_that_is_killed_is_told(monkeypatch, tmp_path):
+    for number, words in ((9, "signal 9: was the memory used up"), (15, "signal 15; the same")):
+        killed = type("Killed", (), {"wait": lambda self, number=number: -number})()
+        monkeypatch.setattr(run.subprocess, "Popen", lambda *_, killed=killed, **__: killed)
+        with pytest.raises(RuntimeError, match=f"lime-eval was ended by {words}"):
+            run._run(("lime-eval",), tmp_path)
+
+
+def test_a_recipe_that_is_terminated_ends_as_by_ctrl_c(monkeypatch, tmp_path, capfd):
+    def terminated(*_, **__):
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(run, "carry_out", terminated)
+    try:
+        assert cli.main(["--recipe", "builtin", "--out", str(tmp_path / "run")]) == 130
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert "the same command goes on from here" in capfd.readouterr().err
+
+
 def test_a_command_gets_time_to_end(monkeypatch):
     monkeypatch.setattr(run, "_SECONDS_TO_END", (0.1, 20))
     code = "import signal, time\nsignal.signal(signal.SIGINT, {})\nprint(1, flush=True)\n"
@@ -315,7 +374,7 @@ def packages(own, monkeypatch):
 
     def fetch(packages, out):
         fetched.append([str(package) for package in packages])
-        out.mkdir(parents=True)
+        out.mkdir(parents=True, exist_ok=True)
         return [
             {"package": str(one), "ranges": list(one.ranges)} | fetch.found[one.client]
             for one in packages
@@ -365,10 +424,19 @@ def test_a_package_that_was_skipped_is_told_each_time(
     for _ in range(2):
         run.carry_out(own, first, data_folder=folder)
         assert "skipped: apt none 2: x; masks learn without it" in capsys.readouterr().err
-    # Another run tries again.
-    packages.found["apt"] = {"sha256": "1"}
+    # Another run takes over what there is, and tells it, too.
     run.carry_out(own, tmp_path / "second", data_folder=folder, reuse=first)
-    assert len(packages.fetched) == 2 and "skipped" not in capsys.readouterr().err
+    assert len(packages.fetched) == 1
+    assert "skipped: apt none 2: x; masks learn without it" in capsys.readouterr().err
+    # Other packages, before anything is made, are fetched.
+    commands.stop.add("corpora/own")
+    third = tmp_path / "third"
+    for version in ("2", "3"):
+        text = Path(own).read_text()
+        Path(own).write_text(text.replace(f'"none", "{version}"', f'"none", "{int(version) + 1}"'))
+        with pytest.raises(KeyboardInterrupt):
+            run.carry_out(own, third, data_folder=folder)
+    assert packages.fetched[1:] == [["npm things 1", "apt none 3"], ["npm things 1", "apt none 4"]]
 
 
 def test_lost_cutouts_are_downloaded_where_they_are_needed(
@@ -383,7 +451,9 @@ def test_lost_cutouts_are_downloaded_where_they_are_needed(
     for name in ("masks", "rest"):
         shutil.rmtree(out / "trainings" / name)
     packages.found["npm"] = {"sha256": "2"}
-    with pytest.raises(RuntimeError, match="things is missing, and the packages cannot be had as"):
+    with pytest.raises(
+        RuntimeError, match=r"things is missing, .* as they were \(another file; x\)"
+    ):
         run.carry_out(own, out, data_folder=folder)
     assert commands.ran == [] and not (out / "cutouts" / "things").exists()
     packages.found["npm"] = {"sha256": "0"}
