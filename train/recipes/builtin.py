@@ -2,11 +2,11 @@
 
     lime-train --recipe builtin --out runs/builtin
 
-It shows what the meshes and maps of `live` are worth (docs/lab/training.md), downloads nothing and
-ships no weights. The mask and M are those of `live`, as it comes with the package; S and the
-encoders learn from nothing, of a fifth of the scenes of `live`, for a fifth of its batches. Its
-validation scenes are of the split `test` of another seed than the paper's protocol has, so that no
-shape or room of them is seen or tested. 3 GB of disk.
+It shows what the meshes and maps of `live` are worth, downloads nothing and ships no weights. The
+mask and M are those of `live`, as it comes with the package; S and the encoders learn from nothing,
+of as many scenes as those of `live`, for as many batches. Its validation scenes are of the split
+`test` of another seed than the paper's protocol has, so that no shape or room of them is seen or
+tested. 15 GB of disk.
 Scores: not trained yet.
 """
 
@@ -17,20 +17,16 @@ from .recipe import Corpus, Recipe
 
 RECIPE = Recipe(
     preset="live",
-    corpora={"shapes": Corpus(12_000, seed=2, meshes=False, maps=False, endless=0.75)},
+    corpora={"shapes": Corpus(60_000, seed=2, meshes=False, maps=False, endless=0.75)},
     trainings={
         "light": dataclasses.replace(
             live.RECIPE.trainings["light"],
             stages=("specular",),
             corpora=("shapes",),
-            steps=1_200,
-            photos=12_000,
             start_from="live",
             options=("--fresh", "specular", "exponent", "albedo"),
         ),
-        "material": dataclasses.replace(
-            live.RECIPE.trainings["material"], corpora=("shapes",), steps=2_000, photos=12_000
-        ),
+        "material": dataclasses.replace(live.RECIPE.trainings["material"], corpora=("shapes",)),
     },
     validation=dataclasses.replace(shared.VALIDATION, meshes=False, maps=False),
 )
