@@ -21,8 +21,11 @@ from PIL import Image
 from tqdm import tqdm
 
 from lime_keras import Estimator, console
+from lime_keras.data.corpus import Split
+from lime_keras.eval.accuracy.evaluate import check_lobe
 from lime_keras.eval.markdown_table import aligned
 from lime_keras.metrics import overlap, overlap_ratio
+from lime_keras.model import folder as model_folder
 from lime_keras.optics import camera_law, colour, shininess
 from lime_keras.train.photos import paint
 
@@ -114,6 +117,7 @@ def main() -> None:
     columns: dict[str, dict[str, record.Figure]] = {}
     tables = []
     for weights in arguments.weights:
+        check_lobe(model_folder.find(weights), Split(arguments.corpus, "test"))
         estimator, of_weights = Estimator(weights), columns.setdefault(weights, {})
         for knob in arguments.knobs:
             turn, settings = KNOBS[knob]
@@ -121,16 +125,16 @@ def main() -> None:
                 _measured(estimator, chosen, turn, to)
                 for to in tqdm(settings, desc=f"{weights}, {knob}", unit="setting")
             ]
-            found.setdefault(knob, {})[weights] = np.array(rows)
-            for to, row in zip(settings, rows, strict=True):
-                for measure, value in zip(MEASURES, row, strict=True):
-                    figure = record.Figure(float(value), None, len(chosen))
+            found.setdefault(knob, {})[weights] = np.array([means for means, _ in rows])
+            for to, (means, counts) in zip(settings, rows, strict=True):
+                for measure, value, count in zip(MEASURES, means, counts, strict=True):
+                    figure = record.Figure(float(value), None, int(count))
                     of_weights[f"{knob} {to:g}, {measure}"] = figure
             lines = [
-                [f"{to:g}", *(f"{value:.3f}" for value in row)]
-                for to, row in zip(settings, rows, strict=True)
+                [f"{to:g}", *(f"{value:.3f}" for value in means), str(min(counts))]
+                for to, (means, counts) in zip(settings, rows, strict=True)
             ]
-            tables.append(aligned([[f"`{weights}`, {knob}", *MEASURES], *lines]))
+            tables.append(aligned([[f"`{weights}`, {knob}", *MEASURES, "answered"], *lines]))
     text = "\n\n".join(tables)
     (arguments.out / "degradation.md").write_text(text + "\n", encoding="utf-8")
     print(text)
@@ -143,8 +147,11 @@ def main() -> None:
 
 def _measured(
     estimator: Estimator, chosen: list[dict[str, np.ndarray]], turn: Callable[..., Photo], to: float
-) -> np.ndarray:
-    """Return the mean of each measure; where no object was found, all but the IoU are left out."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean of each measure, and of how many photos.
+
+    Where no object was found, all but the IoU are left out.
+    """
     rows: list[tuple[float, ...]] = []
     for scene in chosen:
         # A stored image is clipped; what is left of it is what a camera has.
@@ -167,7 +174,8 @@ def _measured(
                 overlap_ratio(*overlap(photo.mask[None], material.layers["mask"][None]))[0],
             )
         )
-    return np.nanmean(np.asarray(rows, float), axis=0)
+    values = np.asarray(rows, float)
+    return np.nanmean(values, axis=0), np.isfinite(values).sum(axis=0)
 
 
 def _draw(found: dict[str, dict[str, np.ndarray]], path: Path) -> None:

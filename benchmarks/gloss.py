@@ -21,6 +21,8 @@ import record
 import scenes
 
 from lime_keras import Estimator
+from lime_keras.data.corpus import Split
+from lime_keras.eval.accuracy.evaluate import check_lobe
 from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
@@ -39,6 +41,7 @@ def main() -> None:
     options.add_argument("--write", action="store_true", help="write gloss.json beside the weights")
     record.add_option(options)
     arguments = options.parse_args()
+    check_lobe(model_folder.find(arguments.weights), Split(arguments.corpus, "train"))
     estimator = Estimator(arguments.weights, ["mask", "albedo", "exponent"])
     of_scenes = _scenes(estimator, arguments.corpus)
     levels, glossy = (np.array(column) for column in zip(*of_scenes, strict=True))

@@ -28,6 +28,7 @@ import record
 from tqdm import tqdm
 
 from lime_keras import console
+from lime_keras.data.corpus import Split
 from lime_keras.eval.markdown_table import aligned
 from lime_keras.lighting import illumination
 from lime_keras.model import folder as model_folder
@@ -51,6 +52,8 @@ def main() -> None:
     record.add_option(options)
     arguments = options.parse_args()
     console.import_tensorflow()
+    if Split(arguments.corpus, "test").lobe != "furnace":
+        options.error(f"{arguments.corpus} has --lobe printed: render another")
     rows: dict[str, list[tuple[int, list[float]]]] = {}
     run = model_folder.find(arguments.weights) if arguments.weights else None
     examples = _examples(arguments.corpus, run, arguments.count)
@@ -75,7 +78,6 @@ def _examples(
 ) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray] | None]]:
     """Yield the test split's first examples, and the networks' outputs for each."""
     from lime_keras.data import pipeline
-    from lime_keras.data.corpus import Split
     from lime_keras.eval.accuracy import relighting
     from lime_keras.runtime.keras_engine import KerasEngine
 

@@ -44,7 +44,7 @@ def main() -> None:
     variants.activate(variants.choose(), threads=1)
     _register_lobe()
     files = sources.files(arguments.environments, "train", environments.EXTENSIONS)
-    train = Sources("train", 0, arguments.cache, {"environments": files})
+    train = Sources("train", 0, arguments.cache / "train-0", {"environments": files})
     ball = trimesh.creation.icosphere(subdivisions=6)
     mesh = meshes.normalised(ball.vertices, ball.faces, ball.vertices)
     print(

@@ -100,7 +100,8 @@ def render(arguments: argparse.Namespace, number: int) -> Sequence:
         "shapes": sources.files(arguments.shapes, "test", meshes.EXTENSIONS),
         "environments": sources.files(arguments.environments, "test", environments.EXTENSIONS),
     }
-    test = Sources("test", arguments.seed, arguments.cache, files)
+    cache = arguments.cache / f"test-{arguments.seed}"
+    test = Sources("test", arguments.seed, cache, files)
     shape, light_name = rng.choice(test.shape_names), rng.choice(test.light_names)
     (_, tracer), light = test.mesh(shape, arguments.size), test.light(light_name)
     exponent = float(10 ** shininess.LOG_MEANS[(2 * number + 1) % shininess.BIN_COUNT])

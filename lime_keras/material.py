@@ -176,14 +176,15 @@ class Material:
             OSError: if a file cannot be written.
         """
         from lime_keras.estimate import files
-        from lime_keras.io import atomic
+        from lime_keras.io import result_json
 
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         written = files.write_pictures(folder, name, self)
         written += files.write_formats(folder, name, self)
         numbers = folder / f"{name}.json"
-        atomic.write(numbers, json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n")
+        # So that `lime-estimate` knows them in a folder of photos.
+        result_json.write(numbers, self.to_json(), {}, [numbers.name, *map(str, written)])
         return [numbers, *(folder / file for file in written)]
 
     def to_gltf(self, path: str | Path) -> Path:

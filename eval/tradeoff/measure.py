@@ -96,6 +96,8 @@ def measure(
     rows, timed = _timed(paths, runs, results)
     for row in rows:
         if row["model"] != PAPER:
+            run = runs[row["model"]]
+            row["weights"] = row["model"] if run in model_folder.shipped().values() else str(run)
             row |= errors[row["model"], row["precision"]]
             row["score"] = recommendation.score(row, scored)
     return {

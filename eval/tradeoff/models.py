@@ -63,12 +63,14 @@ def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -
 
 def _untrained(home: Path) -> Path:
     """Return a folder with the preset `paper`, untrained."""
-    if model_folder.read_description(model_folder.graphs(home)) is None:
-        architecture = PRESETS[PAPER]
+    architecture, mark = PRESETS[PAPER], home / "made-of"
+    of_what = f"{architecture} {__version__}"
+    if not (mark.is_file() and mark.read_text() == of_what):
         weights.save(home / "model", architecture, build(architecture, seed=0), half=True)
         _, stored = weights.load(home)
         with atomic.replacing(model_folder.graphs(home)) as partial:
             graphs.write(partial, architecture, stored, model_folder.digest(home))
+        atomic.write(mark, of_what)
     return home
 
 

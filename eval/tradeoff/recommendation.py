@@ -1,6 +1,7 @@
 """What the trade advises: a score, the Pareto front, and for each use the command to type."""
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -109,13 +110,14 @@ def advise(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def commands(row: Row) -> list[str]:
     """Return what a user types to run a row, with what has to be written before."""
+    weights = shlex.quote(row["weights"])
     command, model = ("lime-live", "") if row["kind"] == STREAM else ("lime-estimate", " PHOTO")
     if row["precision"] == "float32":
-        return [f"{command}{model} --weights {row['model']}"]
+        return [f"{command}{model} --weights {weights}"]
     name = f"{row['model']}-{row['precision']}"
     precision = f"--precision {row['precision']}"
     calibrated = " --corpus CORPUS" if row["precision"] == "int8" else ""
     return [
-        f"lime-export {name} --format graphs {precision} --weights {row['model']}{calibrated}",
+        f"lime-export {name} --format graphs {precision} --weights {weights}{calibrated}",
         f"{command}{model} --weights {name} {precision}",
     ]

@@ -4,6 +4,7 @@ The limits below were chosen by looking at 20 photographs, and at 64 rendered sc
 split as the camera model of training photographs them.
 """
 
+import math
 from collections.abc import Iterator
 
 import cc3d
@@ -170,13 +171,17 @@ def of(
     """
     inside = mask[..., 0] >= framing.THRESHOLD
     if not inside.any():
-        return NO_OBJECT, *_of_darkness(_thinned(image_srgb.reshape(-1, 3)), "photo", 0.99)
+        pixels = _thinned(image_srgb.reshape(-1, 3), image_srgb.shape[1])
+        return NO_OBJECT, *_of_darkness(pixels, "photo", 0.99)
     return tuple(_of_object(image_srgb, inside, mask_confidence))
 
 
-def _thinned(pixels: np.ndarray) -> np.ndarray:
-    """Return `_JUDGED` pixels, about, of `(N, 3)`."""
-    return pixels[:: max(1, len(pixels) // _JUDGED)]
+def _thinned(pixels: np.ndarray, width: int = 1) -> np.ndarray:
+    """Return `_JUDGED` pixels, about, of `(N, 3)`, from all columns of a photo of that width."""
+    step = max(1, len(pixels) // _JUDGED)
+    while math.gcd(step, width) > 1:
+        step += 1
+    return pixels[::step]
 
 
 def _of_object(
@@ -238,7 +243,7 @@ def bright_share(image_srgb: np.ndarray) -> float:
         >>> bright_share(np.array([[[0.0, 0.0, 0.0], [0.1, 0.1, 0.1], [0.9, 0.1, 0.1]]]))
         0.5
     """
-    levels = _thinned(image_srgb.reshape(-1, 3)).max(axis=-1)
+    levels = _thinned(image_srgb.reshape(-1, 3), image_srgb.shape[1]).max(axis=-1)
     return float(np.mean(levels[levels > 0] >= BRIGHT)) if levels.any() else 0.0
 
 

@@ -387,8 +387,10 @@ class Estimator:
         if view.supplied_mask is not None:
             return view.supplied_mask
         if self._full_size:
-            return full_size.mask(view.photo, view.square, view.image, view.mask)
-        return framing.paste(view.mask, view.square, *view.photo.shape[:2])
+            placed = full_size.mask(view.photo, view.square, view.image, view.mask)
+        else:
+            placed = framing.paste(view.mask, view.square, *view.photo.shape[:2])
+        return np.minimum(placed, 1)  # interpolation rounds
 
     def _place_layer(self, view: View, layer: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """Return a layer of radiance at the photo's size, with the photo's mask `(H, W, 1)`."""

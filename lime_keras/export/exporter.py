@@ -86,14 +86,14 @@ class Format:
     write: Callable[[_Model, Path], Answering]  # writes, and returns what runs the result
     path: str  # below the folder to write to; `part` names some outputs, `bits` a precision
     precisions: tuple[str, ...]  # the default first; float16 weights are computed with in float32
-    is_whole: bool = False  # whether it always holds all outputs
+    whole: str = ""  # if it always holds all outputs, a file of its folder
 
 
 FORMATS = {
     SAVED_MODEL: Format(_write_saved_model, f"saved_model{{part}}/{_VERSION}", ("float32",)),
     ONNX: Format(_write_onnx, "lime{part}{bits}.onnx", model_folder.PRECISIONS),
-    WEIGHTS: Format(_write_weights, "model", ("float16",), is_whole=True),
-    GRAPHS: Format(_write_graphs, "onnx{bits}", model_folder.PRECISIONS, is_whole=True),
+    WEIGHTS: Format(_write_weights, "model", ("float16",), CARD.name),
+    GRAPHS: Format(_write_graphs, "onnx{bits}", model_folder.PRECISIONS, model_folder.DESCRIPTION),
 }
 
 
@@ -126,8 +126,8 @@ def export(
 
     Raises:
         FileNotFoundError: if there is no trained model, or a split is not rendered.
-        ValueError: if the model has no output of a given name, or the format does not have the
-            precision.
+        ValueError: if the model has no output of a given name, the format does not have the
+            precision, or a folder that would be replaced holds something else.
         ParityError: if the written model differs from Keras beyond the tolerance; nothing is left
             at the path.
     """
@@ -154,6 +154,10 @@ def export(
     # Write.
     model = _Model(weights_folder, keras_engine, network, precision, calibration, folder)
     path = target(folder, model_format, precision, only)
+    if row.whole:
+        _refuse_others(path, row.whole)
+        if model_format == GRAPHS:
+            _refuse_others(folder / "model", model_folder.ARCHITECTURE)
     # Two commands may export the same run at once.
     with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
         engine = row.write(model, partial)
@@ -241,8 +245,14 @@ def _check(
         )
     if precision == "int8" and corpus is None:
         raise ValueError("int8 is calibrated on pictures: pass a corpus of `lime-render`")
-    if row.is_whole and only is not None:
+    if row.whole and only is not None:
         raise ValueError(f"{model_format} are of a whole model: leave out what is to be answered")
+
+
+def _refuse_others(path: Path, mark: str) -> None:
+    """Raise ValueError if a folder that would be replaced holds something else than `mark` says."""
+    if path.is_dir() and any(path.iterdir()) and not (path / mark).is_file():
+        raise ValueError(f"{path} holds other files, which would be lost: pass another OUT")
 
 
 def _complete(folder: Path, weights_folder: Path) -> None:

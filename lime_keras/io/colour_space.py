@@ -113,7 +113,7 @@ def decide(tags: Tags, channels: int, *, deep: bool) -> Conversion:
         primaries, transfer = tags.code_points
         if primaries in (*_PRIMARIES, 2) and transfer in (*_CURVES, 2):
             if transfer in _OF_VIDEO and primaries in _LIKE_REC709:
-                return _IDENTITY
+                return IDENTITY
             return _converting(
                 _PRIMARIES.get(primaries, REC709), _CURVES.get(transfer, colour.srgb_to_linear)
             )
@@ -121,7 +121,7 @@ def decide(tags: Tags, channels: int, *, deep: bool) -> Conversion:
     if tags.profile:
         return _of_profile(tags.profile, channels, deep=deep)
     if tags.is_srgb:
-        return _IDENTITY
+        return IDENTITY
     if tags.is_unspecified and not tags.chromaticities:
         return _unknown("it says that they are not, and not what they are")
     curve = tags.curve or colour.srgb_to_linear
@@ -161,14 +161,15 @@ def _repeated(colours: np.ndarray) -> np.ndarray:
     return np.repeat(colours, 3, axis=-1) if colours.shape[-1] == 1 else colours
 
 
-_IDENTITY = Conversion(_repeated, is_identity=True)
+IDENTITY = Conversion(_repeated, is_identity=True)
+"""The conversion of sRGB, and of numbers that are no colours."""
 
 
 def _converting(chromaticities: tuple[float, ...], curve: Curve) -> Conversion:
     """Return the conversion from an RGB space of chromaticities and a curve."""
     is_rec709 = np.allclose(chromaticities, REC709, atol=_NEAR)
     if is_rec709 and curve is colour.srgb_to_linear:
-        return _IDENTITY
+        return IDENTITY
     try:
         to_rec709 = None if is_rec709 else matrix(chromaticities).T.astype(np.float32)
     except ValueError as error:
@@ -208,12 +209,6 @@ def _power(exponent: float) -> Curve:
     return lambda values: np.maximum(values, 0) ** np.float32(exponent)
 
 
-def _rec709(values: np.ndarray) -> np.ndarray:
-    """Invert the curve of BT.709's camera, which BT.601 and BT.2020 share."""
-    high = ((np.maximum(values, 0.081) + 0.099) / 1.099) ** (1 / 0.45)
-    return np.where(values < 0.081, values / 4.5, high)
-
-
 def _pq(values: np.ndarray) -> np.ndarray:
     """Decode the perceptual quantizer of SMPTE ST 2084, whose 1 is 10,000 cd/m²."""
     root = np.clip(values, 0, 1).astype(np.float64) ** (1 / 78.84375)
@@ -231,7 +226,7 @@ def _hlg(values: np.ndarray) -> np.ndarray:
 
 
 _CURVES: Mapping[int, Curve] = {
-    **dict.fromkeys((1, 6, 14, 15), _rec709),
+    **dict.fromkeys((1, 6, 14, 15), colour.srgb_to_linear),  # as screens show BT.709's camera
     4: _power(2.2),
     5: _power(2.8),
     8: linear,
@@ -279,7 +274,7 @@ def _of_profile(profile: bytes, channels: int, *, deep: bool) -> Conversion:
 
     asked = _samples(count)
     if np.abs(convert(asked) - _repeated(asked)).max() * 255 <= _LEVELS + 0.5:
-        return _IDENTITY
+        return IDENTITY
     if not deep:
         return Conversion(convert)
     precise = _computed(profile, source.profile, count)

@@ -1,5 +1,6 @@
 """Reading and writing of pictures, with OpenImageIO."""
 
+import dataclasses
 import functools
 import io
 import os
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.io import atomic, picture_file, untrusted
+from lime_keras.io import atomic, colour_space, picture_file, untrusted
 from lime_keras.io.picture_file import Picture
 from lime_keras.material import Caution
 from lime_keras.optics import colour
@@ -167,7 +168,8 @@ def read_coverage(path: str | os.PathLike[str], height: int, width: int) -> np.n
         ValueError: if the picture cannot be read (see `read`) or has another size than the photo.
     """
     path = Path(path)
-    picture = _opened(path)
+    # Coverage is no colour: it has no curve and no profile.
+    picture = dataclasses.replace(_opened(path), conversion=colour_space.IDENTITY)
     is_full = (picture.height, picture.width) == (height, width)
     factor = 1 if is_full else _factor(picture.height, picture.width)
     image, alpha, _ = _read(path, picture, factor)

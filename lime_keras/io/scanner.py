@@ -115,7 +115,8 @@ def of_photo(photo: Path, folder: Path) -> Path:
     for place in (*(folder.joinpath(*above[start:]) for start in range(len(above))), folder):
         if not place.is_dir():
             continue
-        files = [file for file in list_folder(place, SUFFIXES) if file != photo]
+        own = os.path.abspath(photo)  # however it is spelled
+        files = [one for one in list_folder(place, SUFFIXES) if os.path.abspath(one) != own]
         for stems in ((photo.stem,), (photo.name,), (f"{photo.stem}{_MASK}",)):
             for fold in (str, folded):
                 named = [file for file in files if fold(file.stem) in map(fold, stems)]

@@ -109,7 +109,9 @@ class Session:
             laps.append(("material", time.perf_counter()))
 
         # What is known of it since the last cut.
-        step = self._tracker.step(image_srgb, material)
+        # A stroke of a mask is no frame of the stream.
+        seen = material if request.fusion else Material(mask_coverage=view.coverage)
+        step = self._tracker.step(image_srgb, seen)
         fused = material_of(step.fused, self._estimator.gloss_calibration)
         if step.cut or np.isnan(step.fused).all():
             self._light = Fusion()

@@ -99,8 +99,12 @@ def check(out: Path) -> None:
         is_page = description["engine"] == "browser"
     except (OSError, ValueError, LookupError, TypeError):
         is_page = False
-    if not is_page:
-        raise ValueError(f"{out} holds other files, which would be lost: name a new folder")
+    own = {entry.name for entry in PAGE.iterdir()} | {_DESCRIPTION, "graphs", ".nojekyll"}
+    others = sorted(entry.name for entry in out.iterdir() if not is_page or entry.name not in own)
+    if others:
+        raise ValueError(
+            f"{out} holds {others[0]} beside a page, which would be lost: name a new folder"
+        )
 
 
 def fetched_runtime() -> dict[str, bytes]:

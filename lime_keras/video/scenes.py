@@ -56,7 +56,9 @@ class Scene:
         if np.isfinite(step.fused).any():
             self.fused = step.fused
         if (material.mask_coverage or 0) > (self._largest.mask_coverage or 0):
-            self.image_srgb, self._largest = frame.image_srgb, material
+            layers = {name: one for name, one in material.layers.items() if name == "mask"}
+            self._largest = dataclasses.replace(material, image_srgb=None, layers=layers)
+            self.image_srgb = frame.image_srgb
 
     def _add_cautions(self, material: Material) -> None:
         if material.mask_confidence is not None:

@@ -135,7 +135,7 @@ class Sources:
 
     def _light(self, name: str, quality: Quality = FAST) -> Light:
         """Load the map of that name, or mix the light of that name, under its strongest map's."""
-        if not name.startswith("mixed-"):
+        if name in self._maps or not name.startswith("mixed-"):
             return prepare(name, self._radiance(name), quality=quality)
         drawn, names = self._draw(name)
         radiance = mixing.mixed([self._map(name) for name in names], drawn)

@@ -85,6 +85,7 @@ def render_split(
         _refuse_another(job)
         resuming.claim(job.split.inputs_path, inputs.recorded(findings))
         findings = _inspect(files, readers, inputs.read(job.split.inputs_path), on_input)
+        job = dataclasses.replace(job, usable=inputs.usable(files, findings, skip=True))
         resuming.write_json(job.split.inputs_path, inputs.recorded(findings), shared=True)
         _render_missing(job, shards, Pool(workers, worker.Worker, job), on_room, on_example)
         # A file that changed meanwhile may be in some shards only.

@@ -121,8 +121,8 @@ def inspect(
     changed = [key[1] for key in known if known[key].sha256 != checked[key].sha256]
     if changed:
         raise ValueError(
-            f"{_listed(changed)} changed since the split was begun: restore it, or remove the "
-            "split to render it anew"
+            f"{_listed(changed)} changed since the split was begun, and shards may show either: "
+            "remove the split to render it anew"
         )
     return {kind: [checked[kind, path.name] for path in paths] for kind, paths in files.items()}
 

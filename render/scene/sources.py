@@ -6,6 +6,7 @@ are split by a hash of their names, or by the subfolders `train` and `test` if t
 
 import hashlib
 import os
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,12 @@ def files(folder: Path | None, split: str, extensions: tuple[str, ...]) -> list[
         raise ValueError(
             f"{folder} holds {len(listed)} {', '.join(extensions)} files; training and test share "
             "none, so at least 2 are needed"
+        )
+    stems = Counter(path.stem.casefold() for path in listed)
+    if alike := [path.name for path in listed if stems[path.stem.casefold()] > 1]:
+        raise ValueError(
+            f"{folder}: {' and '.join(alike[:2])} may be one thing in two formats, which training "
+            f"and test would share: keep one, or deal them to folders {' and '.join(SPLITS)}"
         )
     ranked = sorted(listed, key=lambda path: hashlib.sha256(os.fsencode(path.name)).digest())
     tests = set(ranked[: max(1, round(len(ranked) * TEST_SHARE))])

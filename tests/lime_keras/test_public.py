@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 import lime_keras
+from lime_keras.io import result_json, scanner
 from lime_keras.material import Caution, Material
 
 SCRIPT = """
@@ -79,6 +80,9 @@ def test_everything_is_saved(tmp_path):
         *("vase.json", "vase-mask.png", "vase-preview.png"),
         *("vase.mtl", "vase.gltf", "vase-mitsuba.json"),
     ]
+    # `lime-estimate` takes none of them for a photo.
+    assert result_json.read(files[0])["files"] == [path.name for path in files]
+    assert not list(scanner.inside(tmp_path / "new"))
     numbers = json.loads(files[0].read_text())
     assert numbers["gloss"] == "glossy" and "image_srgb" not in numbers
 

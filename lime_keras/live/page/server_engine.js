@@ -64,7 +64,14 @@ class ServerEngine {
   /** A PNG of a picture that the browser cannot read. */
   async decode(file) {
     const suffix = /\.[^.]*$/.exec(file.name ?? "")?.[0] ?? "";
-    return (await post("decode", file, { "X-Suffix": suffix })).blob();
+    for (;;) {
+      try {
+        return await (await post("decode", file, { "X-Suffix": suffix })).blob();
+      } catch (error) {
+        if (error.kind !== "busy") throw error;
+        await new Promise((resolve) => setTimeout(resolve, 50));
+      }
+    }
   }
 }
 

@@ -67,3 +67,5 @@ def test_the_advice_can_be_typed():
         name, *arguments = command.split()
         parsers[name].parse_args(arguments)
     assert commands(trade.ROWS[0]) == ["lime-estimate PHOTO --weights best"]
+    of_run = trade.ROWS[0] | {"weights": "my runs/best"}
+    assert commands(of_run) == ["lime-estimate PHOTO --weights 'my runs/best'"]

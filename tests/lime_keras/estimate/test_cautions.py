@@ -214,3 +214,14 @@ def test_a_highlight_in_the_colour_of_its_light_is_a_second_colour():
 def test_white_pixels_and_black_ones_have_no_colour():
     for pixels in (np.ones((9, 3)), np.zeros((9, 3)), np.empty((0, 3))):
         assert dichromatic.second_colour(np.array(pixels, np.float32)) == 0
+
+
+@pytest.mark.parametrize("shape", [(600, 400), (500, 500), (400, 300)])
+def test_a_photo_is_judged_by_all_of_its_columns(shape):
+    """A stride that shares a factor with the width would see few of them."""
+    image = np.zeros((10 * shape[0], 10 * shape[1], 3), np.uint8)
+    image[:, 10 * shape[1] // 2 :][:, :20] = 255  # a bright strip in a cut-out
+    seen = cautions._thinned(image.reshape(-1, 3), image.shape[1])
+    assert 0.9 * cautions._JUDGED < len(seen) < 1.1 * cautions._JUDGED
+    assert np.mean(seen[:, 0] > 0) == pytest.approx(20 / image.shape[1], rel=0.2)
+    assert cautions.bright_share(image) == 1

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -180,6 +181,24 @@ def finder(estimator, monkeypatch):
     stand_in = Finder(estimator._engine)
     monkeypatch.setattr(estimator, "_engine", stand_in)
     return stand_in
+
+
+@pytest.mark.parametrize("full_size", [False, True])
+def test_no_mask_exceeds_one(full_size):
+    """Interpolation rounds, and `--normals` refuses a mask above 1."""
+    rows, columns = np.mgrid[:192, :192]
+    disc = (np.hypot(rows - 96, columns - 96) < 70).astype(np.float32)[..., None]
+    image = np.random.default_rng(0).uniform(0, 1, (192, 192, 3)).astype(np.float32)
+    highest = []
+    for side in (105, 128, 137, 161):
+        square, photo = framing.Square(0, 0, side), image[:side, :side]
+        view = SimpleNamespace(
+            supplied_mask=None, photo=photo, square=square, image=image, mask=disc
+        )
+        placed = Estimator._place_mask(SimpleNamespace(_full_size=full_size), view)
+        highest.append(framing.paste(disc, square, side, side).max())
+        assert 0.9 < placed.max() <= 1
+    assert max(highest) > 1
 
 
 def test_a_small_object_is_looked_at_again_from_near(estimator, finder):

@@ -411,6 +411,17 @@ def test_a_refused_or_failing_export_leaves_the_last_good_one(
     assert left_in(tmp_path) == {"saved_model-mask": "mask"}
 
 
+@pytest.mark.parametrize(
+    ("model_format", "place"), [("weights", "model"), ("graphs", "onnx"), ("graphs", "model")]
+)
+def test_what_is_no_export_is_not_replaced(tiny_model, tmp_path, model_format, place):
+    (tmp_path / place).mkdir()
+    (tmp_path / place / "thesis.json").touch()
+    with pytest.raises(ValueError, match=f"{place} holds other files, which would be lost: pass"):
+        exporter.export(tmp_path, model_format, tiny_model)
+    assert [path.name for path in tmp_path.rglob("*.*")] == ["thesis.json"]
+
+
 def test_exporting_again_replaces_the_model(tiny_model, tmp_path, stand_in):
     stand_in(lambda answer: answer)
     (tmp_path / "saved_model" / "1").mkdir(parents=True)

@@ -267,6 +267,12 @@ def test_masks_of_every_kind(tmp_path):
         np.testing.assert_array_equal(found, expected)
 
 
+def test_coverage_has_no_curve(tmp_path):
+    coverage = np.linspace(0, 1, 20 * 28, dtype=np.float32).reshape(20, 28, 1)
+    path = write(tmp_path / "mask.exr", coverage, oiio.FLOAT)
+    np.testing.assert_allclose(photo.read_coverage(path, 20, 28), coverage, atol=1e-6)
+
+
 def test_radiance_is_read_as_it_is_stored(tmp_path):
     layer = noise(1) * 60_000
     layer[0, 0] = 0  # unlit is radiance, too

@@ -114,6 +114,14 @@ def test_the_mask_of_a_photo_in_a_folder_of_masks(files, expected, tmp_path):
     assert of_photo(tmp_path / "photos/a/fox.jpg", masks) == masks / expected
 
 
+def test_no_photo_is_its_own_mask_however_it_is_spelled(tmp_path, monkeypatch):
+    make(tmp_path, "fox.jpg", "fox_mask.png")
+    monkeypatch.chdir(tmp_path)
+    for photo in (tmp_path / "fox.jpg", Path("fox.jpg")):
+        for folder in (tmp_path, Path(), Path("../" + tmp_path.name)):
+            assert of_photo(photo, folder).name == "fox_mask.png"
+
+
 @pytest.mark.parametrize(
     "files", [["fox.png", "fox.tif"], ["Fox.png", "FOX.png"], ["fox.jpg.png", "fox.jpg.tif"]]
 )

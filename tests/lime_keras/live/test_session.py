@@ -142,6 +142,18 @@ def test_a_frame_of_the_mask_alone_keeps_what_was_fused(estimator):
     assert second.numbers["fused"] == first.numbers["fused"]
 
 
+def test_strokes_of_a_mask_are_no_frames(estimator):
+    session = Session(estimator)
+    first = session.process(FRAME, None, FrameRequest(light=False))
+    mask = np.zeros(FRAME.shape[:2], np.uint8)
+    mask[: len(mask) // 2] = 255
+    for _ in range(3):
+        painted = session.process(FRAME, mask, FrameRequest(light=False, fusion=False))
+        assert painted.numbers["material"] != first.numbers["material"]
+    nothing = session.process(FRAME, None, FrameRequest(material=False))
+    assert nothing.numbers["fused"] == first.numbers["fused"]
+
+
 def test_a_lost_object_and_a_restart_forget(estimator):
     nothing = np.zeros(FRAME.shape[:2], np.uint8)
     session = Session(estimator)

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import io
 import json
+import shutil
 import tarfile
 import urllib.request
 from pathlib import Path
@@ -70,6 +71,13 @@ def test_a_page_replaces_a_page_and_nothing_else(written, tmp_path):
         static.check(tmp_path / "mine" / "thesis.tex")
     with pytest.raises(ValueError, match="cannot be replaced: name a folder in it"):
         static.check(Path("."))
+
+
+def test_what_lies_beside_a_page_is_not_lost(written, tmp_path):
+    shutil.copytree(written, tmp_path / "site")
+    (tmp_path / "site" / "CNAME").touch()
+    with pytest.raises(ValueError, match="site holds CNAME beside a page, which would be lost"):
+        static.check(tmp_path / "site")
 
 
 def test_a_folder_without_a_model_is_refused(tmp_path):

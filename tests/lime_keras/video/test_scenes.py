@@ -63,6 +63,8 @@ def test_a_lost_object_ends_its_scene():
 def test_a_scene_is_shown_by_the_frame_with_the_largest_object():
     (scene,) = told([material(10.0, 0.2), material(10.0, 0.4), material(10.0, 0.3)])
     assert scene.material.mask_coverage == 0.4 and scene.image_srgb[0, 0, 0] == 60
+    # Of the frame's estimate it keeps what it shows: a video may have hundreds of scenes.
+    assert scene._largest.image_srgb is None and set(scene._largest.layers) <= {"mask"}
 
 
 def test_what_half_of_the_frames_say_is_the_scenes():

@@ -179,6 +179,12 @@ def test_mixed_lights_are_made_of_all_maps(varied, sources):
     assert abs(again.radiance.mean() - varied._light("mixed-00004-04").radiance.mean()) > 1e-4
 
 
+def test_a_map_may_be_called_like_a_mixture(varied, monkeypatch):
+    [path] = varied._maps.values()
+    monkeypatch.setitem(varied._maps, "mixed-light.exr", path)
+    assert varied._light("mixed-light.exr").name == "mixed-light.exr"
+
+
 def test_a_shard_has_a_body_and_a_light_for_eight_examples_and_64_at_most(varied):
     for size, expected in ((1, 1), (8, 1), (9, 2), (512, 64), (4096, 64)):
         drawn, lights = varied.names_in_shard(2, size)

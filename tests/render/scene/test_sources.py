@@ -89,3 +89,10 @@ def test_pictures_of_a_folder_are_found(tmp_path):
         sources.pictures(tmp_path)
     fill(tmp_path, ["b.png", "a.JPG", "readme.txt"])
     assert [path.name for path in sources.pictures(tmp_path)] == ["a.JPG", "b.png"]
+
+
+def test_one_thing_in_two_formats_is_refused(tmp_path):
+    for name in ("a.obj", "b.obj", "Bunny.obj", "bunny.glb"):
+        (tmp_path / name).touch()
+    with pytest.raises(ValueError, match=r"Bunny.obj and bunny.glb may be one thing in two"):
+        sources.files(tmp_path, "train", (".obj", ".glb"))

@@ -134,9 +134,12 @@ function largestPart(inside, width, height) {
   return most;
 }
 
-/** The levels [R, G, B] of `JUDGED` of the object's pixels, about. */
-function judged({ data }, inside, count) {
-  const step = Math.max(1, Math.floor(count / JUDGED));
+const divisor = (a, b) => (b ? divisor(b, a % b) : a);
+
+/** The levels [R, G, B] of `JUDGED` of the object's pixels, about; of a whole photo, from all columns. */
+function judged({ data }, inside, count, width = 1) {
+  let step = Math.max(1, Math.floor(count / JUDGED));
+  while (divisor(step, width) > 1) step++;
   const pixels = [];
   for (let at = 0, seen = 0; at < inside.length; at++) {
     if (!inside[at] || seen++ % step) continue;
@@ -150,7 +153,7 @@ const share = (pixels, is) => pixels.reduce((sum, levels) => sum + (is(levels) ?
 /** The share of a photo's pixels of which a channel reaches BRIGHT; black ones apart. */
 function brightShare(photo) {
   const count = photo.width * photo.height;
-  const all = judged(photo, new Uint8Array(count).fill(1), count).map((levels) => Math.max(...levels));
+  const all = judged(photo, new Uint8Array(count).fill(1), count, photo.width).map((levels) => Math.max(...levels));
   const lit = all.filter((level) => level > 0);
   return lit.filter((level) => level >= BRIGHT).length / Math.max(lit.length, 1);
 }

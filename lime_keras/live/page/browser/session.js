@@ -74,7 +74,7 @@ export class Session {
       lap("material");
     }
     const material = layers && materialOf(layers);
-    const { cut, fused } = this.tracker.step(image, found, parameters(material));
+    const { cut, fused } = this.tracker.step(image, found, parameters(options.fusion ? material : null));
     if (cut || fused.every(Number.isNaN)) this.light.restart();
     if (cut) this.square = null;
     const warned = [...this.doubts(image, view, given, found, options)];
