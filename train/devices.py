@@ -117,10 +117,8 @@ class Devices:
 def _mirrored(count: int) -> Any:
     import tensorflow as tf
 
-    names = [device.name for device in tf.config.list_logical_devices("GPU")] or [
-        device.name for device in tf.config.list_logical_devices("CPU")
-    ]
-    return tf.distribute.MirroredStrategy(_first(names, count))
+    devices = tf.config.list_logical_devices("GPU") or tf.config.list_logical_devices("CPU")
+    return tf.distribute.MirroredStrategy(_first([device.name for device in devices], count))
 
 
 def _parallel(count: int) -> keras.distribution.DataParallel:

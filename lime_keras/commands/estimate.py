@@ -79,7 +79,14 @@ def parser() -> argparse.ArgumentParser:
     _add_input(out.add_argument_group("input"))
     _add_estimated(out.add_argument_group("what is estimated"))
     _add_output(out.add_argument_group("output"))
-    _add_light(out.add_argument_group("light"))
+    out.add_argument_group("light").add_argument(
+        "--normals",
+        type=Path,
+        metavar="FILE",
+        help="the object's normals in camera space (x right, y up, z towards the camera), of the "
+        "photo's size: OpenEXR, or PNG of (n + 1) / 2; for several photos, a folder as for --mask. "
+        "The light is then written as DIR/NAME-environment.exr",
+    )
     speed = out.add_argument_group("speed")
     speed.add_argument(
         "--engine",
@@ -156,17 +163,6 @@ def _add_output(output: argparse._ArgumentGroup) -> None:
         action="store_true",
         help="make all results again, and replace those of other photos, weights or options; "
         "without it, the command refuses to begin",
-    )
-
-
-def _add_light(light: argparse._ArgumentGroup) -> None:
-    light.add_argument(
-        "--normals",
-        type=Path,
-        metavar="FILE",
-        help="the object's normals in camera space (x right, y up, z towards the camera), of the "
-        "photo's size: OpenEXR, or PNG of (n + 1) / 2; for several photos, a folder as for --mask. "
-        "The light is then written as DIR/NAME-environment.exr",
     )
 
 

@@ -62,10 +62,6 @@ InputLookup = Callable[[str], Any]
 subnetworks read (`Wiring.network_input`)."""
 
 
-def _identity(value: Any, lookup: InputLookup) -> Any:
-    return value
-
-
 @dataclass(frozen=True)
 class Quantity:
     """A row of the registry: one quantity, which a subnetwork predicts and others may read.
@@ -82,8 +78,8 @@ class Quantity:
             subnetwork reads.
     """
 
-    from_prediction: Callable[[Any, InputLookup], Any] = _identity
-    from_truth: Callable[[Any, InputLookup], Any] = _identity
+    from_prediction: Callable[[Any, InputLookup], Any] = lambda value, _: value
+    from_truth: Callable[[Any, InputLookup], Any] = lambda value, _: value
     plain: Callable[[Any], Any] = lambda raw: raw
     channels: int | None = None
 

@@ -83,11 +83,8 @@ def sphere_shading(environment: Any, shininess: Any, size: int) -> tuple[Any, An
 
 def _single(values: Any) -> Any:
     """Return values in single precision, arrays and tensors alike."""
-    if namespace(values) is np:
-        return np.asarray(values, np.float32)
-    from keras import ops
-
-    return ops.cast(values, "float32")
+    xp = namespace(values)
+    return np.asarray(values, np.float32) if xp is np else xp.cast(values, "float32")
 
 
 def disc(size: int) -> np.ndarray:

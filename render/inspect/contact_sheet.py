@@ -109,24 +109,19 @@ def _font(size: int = 13) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size=size)
 
 
-def _grey(name: str) -> Callable[[Mapping], np.ndarray]:
-    """Return a function that shows the layer `name` of an example as sRGB of x / (1 + x)."""
-
-    def picture(example: Mapping) -> np.ndarray:
-        radiance = example[name]
-        return np.repeat(colour.linear_to_srgb(radiance / (1 + radiance)), 3, axis=-1)
-
-    return picture
+def _grey(radiance: np.ndarray) -> np.ndarray:
+    """Return a layer `(H, W, 1)` as `(H, W, 3)`, sRGB of x / (1 + x)."""
+    return np.repeat(colour.linear_to_srgb(radiance / (1 + radiance)), 3, axis=-1)
 
 
 _PICTURES: tuple[tuple[str, Callable[[Mapping], np.ndarray], int], ...] = (
     ("Input", lambda example: example["image"], _THUMB),
     ("Mask", lambda example: np.repeat(example["mask"], 3, axis=-1), _THUMB),
-    ("D", _grey("diffuse_shading"), _THUMB),
-    ("S", _grey("specular_shading"), _THUMB),
-    ("M", _grey("mirror"), _THUMB),
+    ("D", lambda one: _grey(one["diffuse_shading"]), _THUMB),
+    ("S", lambda one: _grey(one["specular_shading"]), _THUMB),
+    ("M", lambda one: _grey(one["mirror"]), _THUMB),
     ("Normals", lambda one: np.where(one["mask"] > 0, (one["normal"] + 1) / 2, 1.0), _THUMB),
-    ("E", _grey("environment"), 2 * _THUMB),
+    ("E", lambda one: _grey(one["environment"]), 2 * _THUMB),
 )
 """Columns of the page: heading, function that returns a picture `(H, W, 3)`, sRGB in [0, 1], of an
 example, and width of the thumbnail in pixels."""

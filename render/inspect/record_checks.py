@@ -3,18 +3,18 @@
 Letters as in the paper: n normal, o direction to the viewer, D, S and M; m_d, m_s, s and m_a.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from lime_keras.data import records
 from lime_keras.data.corpus import Split
-from lime_keras.optics import shading, shininess
+from lime_keras.optics import colour, shading, shininess
+from lime_keras.optics.compositing import compose
 from lime_keras.optics.environment import STORED_SHAPE
 from lime_keras.optics.material_law import AMBIENT
 
 from ..scene.example import LEAST_COVERAGE
-from . import recomposition
-from .recomposition import FLOAT_ROUNDING, HALF_ROUNDING, pixels_at
 
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror")
 _PROBES = 16  # largest number of pixels in which D and S are computed again
@@ -42,6 +42,16 @@ _SPECULAR_TOLERANCE, _SPECULAR_BLUR = 0.3, 4e-4
 The texels of the stored map are wider than a sharp lobe: in the examples above, the error is at
 most 22 %, where s is below 10, 9 % where it is 100 to 200, and 20 % above 500.
 """
+_HALF_ROUNDING = 2.0**-11  # largest relative error of a number rounded to half precision
+_FLOAT_ROUNDING = 2.0**-20  # largest relative error of a dozen operations in single precision
+_CODES = np.arange(256)
+_HALF_CODE = 0.5 + 1e-3
+"""Largest error of a code: rounding to 8 bits, and single precision in the sRGB curve."""
+
+# Radiance bounds of each code. Codes 0 and 255 also represent all radiance that was clipped.
+_LOWEST = colour.srgb_to_linear((_CODES - _HALF_CODE) / 255).astype(np.float32)
+_HIGHEST = colour.srgb_to_linear((_CODES + _HALF_CODE) / 255).astype(np.float32)
+_LOWEST[0], _HIGHEST[-1] = -np.inf, np.inf
 
 
 def faults(example: Mapping[str, np.ndarray], split: Split) -> list[tuple[str, str]]:
@@ -64,11 +74,60 @@ def faults(example: Mapping[str, np.ndarray], split: Split) -> list[tuple[str, s
         return out
     normals = [*_normals(example)]
     out += normals
-    if (misfit := recomposition.misfit(example)) is not None:
+    if (misfit := _misfit(example)) is not None:
         out.append(("recomposition", misfit))
     if not normals:
         out += _shading_sums(example, split.lobe)
     return out
+
+
+def _misfit(example: Mapping) -> str | None:
+    """Return how a record's image differs from its layers; None if it does not.
+
+    The image must be Eq. 4 over some background in [0, 1], clipped to [0, 1], in interval
+    arithmetic: the quantisation of the layers widens the interval of the composed radiance, that of
+    the mask the blending with the background, and that of the image the comparison.
+    """
+    covered = np.flatnonzero(example["mask"])
+    code = (_pixels_at(example["image"], covered) * 255 + 0.5).astype(np.uint8)
+    coverage = _pixels_at(example["mask"], covered)
+    # The background lies in [0, 1]. Of the coverage, of 8 bits, only 0 and 1 are exact.
+    slack = np.where(coverage < 1, np.float32(0.5 / 255), np.float32(0))
+    low, high = _composed(example, covered)
+    low, above = low * (coverage - slack), high - 1
+    high = 1 + np.where(above > 0, coverage + slack, coverage - slack) * above
+    darkest, lightest = _LOWEST[code], _HIGHEST[code]
+    wrong = (low > lightest) | (high < darkest)
+    if not wrong.any():
+        return None
+    miss = np.maximum(low - lightest, darkest - high)
+    pixel, channel = np.unravel_index(np.argmax(miss), miss.shape)
+    row, column = divmod(int(covered[pixel]), len(example["mask"]))
+    ends = np.clip([low[pixel, channel], high[pixel, channel]], 0, 1)
+    bounds = [f"{255 * float(code):.1f}" for code in colour.linear_to_srgb(ends)]
+    return (
+        f"{np.count_nonzero(wrong.any(axis=-1))} of {len(code)} pixels are not m_a + m_d D + m_s S "
+        f"over a background, worst at row {row}, column {column}, {'RGB'[channel]}: "
+        f"{code[pixel, channel]} stored, expected {' … '.join(bounds)}"
+    )
+
+
+def _composed(example: Mapping, covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and highest radiance `(N, 3)` of Eq. 4 that the stored layers allow."""
+    shadings = (example[name] for name in ("diffuse_shading", "specular_shading"))
+    layers = [_pixels_at(shading, covered)[None, None] for shading in shadings]
+    material = [example[name] for name in ("diffuse_albedo", "specular_albedo", "ambient")]
+    composed = compose(*material, *layers)[0, 0]
+    # Half floats below 2^-14 have errors of at most 2^-25, here in two layers of weight at most 1.
+    error = composed * np.float32(_HALF_ROUNDING + _FLOAT_ROUNDING) + np.float32(2.0**-24)
+    high = composed + error
+    high[np.maximum(*layers)[0, 0, :, 0] >= records.LARGEST_HALF] = np.inf
+    return composed - error, high
+
+
+def _pixels_at(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Return the values `(N, C)` of an image `(S, S, C)`; indices are faster than a mask."""
+    return np.take(image.reshape(-1, image.shape[-1]), pixels, axis=0)
 
 
 def _origin(example: Mapping, split: Split) -> Iterator[tuple[str, str]]:
@@ -96,7 +155,7 @@ def _material(example: Mapping) -> Iterator[tuple[str, str]]:
         ("ambient", AMBIENT),
     ):
         value = example[name]
-        slack = FLOAT_ROUNDING * high
+        slack = _FLOAT_ROUNDING * high
         if not np.all((value >= low - slack) & (value <= high + slack)):
             yield "material", f"{name} is {_numbers(value)}, expected {low:g} … {high:g}"
 
@@ -127,9 +186,9 @@ def _mask(example: Mapping) -> Iterator[tuple[str, str]]:
 
 def _normals(example: Mapping) -> Iterator[tuple[str, str]]:
     covered = np.flatnonzero(example["mask"])
-    normal = pixels_at(example["normal"], covered)
+    normal = _pixels_at(example["normal"], covered)
     squared = np.einsum("ij,ij->i", normal, normal)
-    wrong = ~(np.abs(squared - 1) <= 2 * (HALF_ROUNDING + FLOAT_ROUNDING) + HALF_ROUNDING**2)
+    wrong = ~(np.abs(squared - 1) <= 2 * (_HALF_ROUNDING + _FLOAT_ROUNDING) + _HALF_ROUNDING**2)
     if wrong.any():
         worst = np.sqrt(squared[wrong][np.argmax(np.abs(squared[wrong] - 1))])
         yield "normal", f"{wrong.sum()} normals are not unit, one is {worst:.4g} long"
@@ -137,14 +196,14 @@ def _normals(example: Mapping) -> Iterator[tuple[str, str]]:
     if behind:
         yield "normal", f"{behind} of {len(normal)} normals face away from the viewer"
     outside = np.flatnonzero(example["mask"] == 0)
-    if stray := np.count_nonzero(pixels_at(example["normal"], outside).any(axis=-1)):
+    if stray := np.count_nonzero(_pixels_at(example["normal"], outside).any(axis=-1)):
         yield "normal", f"normals are not 0 in {stray} pixels outside the mask"
 
 
 def _views(example: Mapping, pixels: np.ndarray) -> np.ndarray:
     """Return the unit directions o to the viewer, `(N, 3)` float32, of some pixels."""
     views = shading.view_directions(example["camera"], *example["mask"].shape[:2])
-    return pixels_at(views, pixels).astype(np.float32)
+    return _pixels_at(views, pixels).astype(np.float32)
 
 
 def _shading_sums(example: Mapping, lobe: str) -> Iterator[tuple[str, str]]:
@@ -156,24 +215,20 @@ def _shading_sums(example: Mapping, lobe: str) -> Iterator[tuple[str, str]]:
     probes = _probes(example)
     if len(probes) < _PROBES // 2:
         return
-    normal = pixels_at(example["normal"], probes)
+    normal = _pixels_at(example["normal"], probes)
     view = _views(example, probes)
     exponent = float(example["shininess"])
     light = shading.texels(example["environment"][..., 0])
     factor = shading.lobe_factor(exponent, lobe)
-    sums: tuple[tuple[str, Callable[[], np.ndarray], float], ...] = (
-        ("diffuse_shading", lambda: shading.diffuse(normal, *light), _DIFFUSE_TOLERANCE),
-        (
-            "specular_shading",
-            lambda: factor * shading.specular(normal, view, exponent, *light),
-            _SPECULAR_TOLERANCE + _SPECULAR_BLUR * exponent,
-        ),
-    )
-    for name, summed, tolerance in sums:
+    specular = factor * shading.specular(normal, view, exponent, *light)
+    for name, summed, tolerance in (
+        ("diffuse_shading", shading.diffuse(normal, *light), _DIFFUSE_TOLERANCE),
+        ("specular_shading", specular, _SPECULAR_TOLERANCE + _SPECULAR_BLUR * exponent),
+    ):
         stored = example[name].reshape(-1)[probes]
         # The stored light is coarse, so the tail of a lamp's highlight may be a little displaced.
         floor = max(_TAIL * float(example[name].max()), 1e-6)
-        error = np.median(np.abs(stored - summed()) / np.maximum(stored, floor))
+        error = np.median(np.abs(stored - summed) / np.maximum(stored, floor))
         if not error <= tolerance:
             yield (
                 "shading",
