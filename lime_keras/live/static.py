@@ -103,7 +103,8 @@ def check(out: Path) -> None:
     others = sorted(entry.name for entry in out.iterdir() if not is_page or entry.name not in own)
     if others:
         raise ValueError(
-            f"{out} holds {others[0]} beside a page, which would be lost: name a new folder"
+            f"{out} holds {others[0]}, which is no part of a page and would be lost: name a new "
+            "folder"
         )
 
 
