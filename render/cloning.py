@@ -18,7 +18,7 @@ from lime_keras.estimate.framing import Square
 from lime_keras.material import Material
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.blinn_phong import BlinnPhong
-from lime_keras.optics.compositing import compose
+from lime_keras.optics.compositing import compose_image
 
 from .scene import contact_shadow, lights
 from .scene.example import layers
@@ -136,13 +136,7 @@ def _rendered(
     crop = _cropped(pose, square, size)
     gbuffer = Tracer(mesh, size).trace(crop.rotation, crop.translation, crop.camera)
     diffuse, specular, _ = layers(gbuffer, light, np.eye(3), material.exponent)
-    composed = compose(
-        np.asarray(material.diffuse_albedo),
-        np.asarray(material.specular_albedo),
-        np.zeros(1),
-        diffuse[None],
-        specular[None],
-    )[0]
+    composed = compose_image(material, diffuse, specular)
     coverage = gbuffer.coverage[..., None]
     rendered = np.concatenate([coverage * composed, coverage], axis=-1)
     return framing.paste(rendered, square, *mask.shape[:2])

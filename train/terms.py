@@ -197,8 +197,7 @@ def _map(error: Callable[[Any], Any], family: str) -> Term:
 
     def loss(batch: Batch, answer: StageOutputs, units: Units) -> Any:
         true = compress(truth("reflectance_map", batch, units))
-        shape = (ops.shape(true)[0], *true.shape[1:3], 1)
-        inside = ops.broadcast_to(disc(true.shape[1])[None], shape)
+        inside = disc(true.shape[1])[None]
         return masked_mean(error(answer.raw["reflectance_map"] - true), inside)
 
     return Term(1.0, "reflectance_map", _OF_MAP, loss, family)

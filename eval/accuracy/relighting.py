@@ -115,7 +115,11 @@ def relight(
 
 
 def _pixels(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of at most `PIXELS` fully covered pixels of a mask `(H, W)`."""
-    rows, columns = np.nonzero(mask >= 1.0)
+    """Return rows and columns of at most `PIXELS` pixels of a mask `(H, W)`: fully covered ones.
+
+    Where there is none, as of a thin object in a small image, they are partly covered.
+    """
+    full = mask >= 1.0
+    rows, columns = np.nonzero(full if full.any() else mask > 0.0)
     chosen = np.linspace(0, len(rows) - 1, min(PIXELS, len(rows))).round().astype(int)
     return rows[chosen], columns[chosen]

@@ -54,19 +54,18 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Selection]:
     No example is chosen twice. Examples with equal errors are taken in the order of the split. The
     rows are those of `Evaluation`.
     """
-    spread = [
+    chosen = [
         Selection(int(np.argmax(rows["bin"] == k)), f"first with {shininess.bin_label(k)}")
         for k in range(shininess.BIN_COUNT)
         if np.any(rows["bin"] == k)
     ]
-    taken = {choice.position for choice in spread}
+    taken = {choice.position for choice in chosen}
     failures = (
         # A tenth of the log error breaks ties.
         ("worst exponent", rows["bin_distance"] + rows["log_error"] / 10),
         ("worst diffuse albedo", rows["diffuse_absolute"]),
         ("worst specular albedo", rows["specular_absolute"]),
     )
-    chosen = spread
     for reason, error in failures:
         worst_first = np.argsort(-error, kind="stable").tolist()
         positions = [position for position in worst_first if position not in taken][:_WORST]

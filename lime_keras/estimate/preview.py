@@ -12,7 +12,7 @@ from lime_keras.estimate import framing
 from lime_keras.estimate.framing import Square
 from lime_keras.material import Material
 from lime_keras.optics import colour, gloss, studio_light
-from lime_keras.optics.compositing import compose
+from lime_keras.optics.compositing import compose_image
 from lime_keras.optics.reflectance_map import disc, sphere_shading
 
 TILE = 320  # height and width of a picture on a page, in pixels
@@ -55,14 +55,7 @@ def sphere(material: Material, size: int) -> np.ndarray:
         raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
     # Rounded for the cache, to a twentieth of a decade: the eye sees no difference.
     log_exponent = round(20 * math.log10(max(whole.exponent, 1e-3))) / 20
-    diffuse_shading, specular_shading = _shaded(log_exponent, size)
-    radiance = compose(
-        np.asarray(whole.diffuse_albedo, np.float32),
-        np.float32(whole.specular_albedo),
-        np.float32(0),
-        diffuse_shading,
-        specular_shading,
-    )[0]
+    radiance = compose_image(whole, *(layer[0] for layer in _shaded(log_exponent, size)))
     covered = disc(2 * size).reshape(size, 2, size, 2, 1).mean((1, 3))
     linear = _BACKGROUND + covered * (np.clip(radiance, 0, 1) - _BACKGROUND)
     return colour.linear_to_srgb(linear).astype(np.float32)

@@ -6,7 +6,9 @@ decoder, the guided filter, masking, clipping and the expansion of S and M, whic
 float32. Input images and outputs are always float32.
 """
 
+import functools
 import re
+import types
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -70,7 +72,8 @@ def narrow(path: Path, precision: str, inputs: Iterable[Mapping[str, np.ndarray]
         quantization.quantize_static(
             str(path),
             str(path),
-            _Reader(inputs),
+            # One image at a time, so that ONNX Runtime sees a range for each.
+            types.SimpleNamespace(get_next=functools.partial(next, iter(inputs), None)),
             quant_format=quantization.QuantFormat.QDQ,
             op_types_to_quantize=list(_INTEGER),
             nodes_to_exclude=in_float32(model),
@@ -148,14 +151,3 @@ def relative_error(
         name: float(np.mean(np.abs(answer[name] - value)) / max(np.mean(np.abs(value)), 1e-6))
         for name, value in expected.items()
     }
-
-
-class _Reader(quantization.CalibrationDataReader):
-    """A reader of calibration images, one at a time, so that ONNX Runtime sees a range for each."""
-
-    def __init__(self, inputs: Iterable[Mapping[str, np.ndarray]]):
-        self._inputs = iter(inputs)
-
-    def get_next(self) -> Mapping[str, np.ndarray] | None:
-        """Return the next inputs of the model, or None at the end."""
-        return next(self._inputs, None)

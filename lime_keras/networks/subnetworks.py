@@ -98,20 +98,13 @@ def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> ker
     )
 
 
-_CHANNELS = {
-    "masked_image": 3,
-    "dichromatic": CHANNELS,
-    "specular_shading": 1,
-    "mirror": 1,
-    "linear_specular_shading": 1,
-    "linear_mirror": 1,
-}
-"""Number of channels of what the subnetworks read."""
+_CHANNELS = {"masked_image": 3, "dichromatic": CHANNELS}
+"""Number of channels of what the subnetworks read, where it is not 1."""
 
 
 def _inputs(architecture: Architecture, *names: str) -> list[keras.KerasTensor]:
     size = architecture.size
-    return [keras.Input((size, size, _CHANNELS[name]), name=name) for name in names]
+    return [keras.Input((size, size, _CHANNELS.get(name, 1)), name=name) for name in names]
 
 
 def _split(architecture: Architecture) -> tuple[str, ...]:

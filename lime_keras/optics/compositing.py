@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.namespace import namespace
 
 _BLACK = 1e-4
@@ -45,6 +46,15 @@ def compose(
     m_s = xp.reshape(specular_albedo, (-1, 1, 1, 1))
     m_a = xp.reshape(ambient, (-1, 1, 1, 1))
     return m_a + m_d * diffuse_shading + m_s * specular_shading
+
+
+def compose_image(
+    material: BlinnPhong, diffuse_shading: np.ndarray, specular_shading: np.ndarray
+) -> np.ndarray:
+    """Return Eq. 4 of one image `(H, W, 3)`, not clipped, of D and S `(H, W, 1)` in NumPy."""
+    m_s, m_a = np.float32(material.specular_albedo), np.float32(material.ambient)
+    layers = diffuse_shading[None], specular_shading[None]
+    return compose(material.diffuse_albedo, m_s, m_a, *layers)[0]
 
 
 def diffuse_shading(diffuse_layer: np.ndarray, diffuse_albedo: np.ndarray) -> np.ndarray:

@@ -100,10 +100,7 @@ def _mesh(kind: str, bsdf: dict, emitter: dict | None = None) -> "mi.Mesh":
     mesh = mi.Mesh(kind, 2 * faces, faces, has_vertex_normals=True, props=properties)
     mesh.add_attribute("face_albedo", 1, [0.5] * faces)
     mesh.add_attribute("face_roughness", 1, [0.5] * faces)
-    parameters = mi.traverse(mesh)
-    for name, values in _buffers(kind, [], np.zeros(3)).items():
-        parameters[name] = values
-    parameters.update()
+    mi.traverse(mesh).update(_buffers(kind, [], np.zeros(3)))
     return mesh
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.blinn_phong import BlinnPhong
-from lime_keras.optics.compositing import compose
+from lime_keras.optics.compositing import compose_image
 
 from . import integrals
 from .gbuffer import GBuffer, Tracer
@@ -51,13 +51,7 @@ def render(
     diffuse, specular, mirror = layers(gbuffer, light, light_rotation, material.exponent)
     specular *= np.float32(shading.lobe_factor(material.exponent, lobe))
     stored = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
-    composed = compose(
-        material.diffuse_albedo,
-        np.float32(material.specular_albedo),
-        np.float32(material.ambient),
-        diffuse[None],
-        specular[None],
-    )[0]
+    composed = compose_image(material, diffuse, specular)
     background = colour.srgb_to_linear(background_srgb)
     # The sensor clips the sum of object and background in each pixel.
     linear = np.clip(coverage * composed + (1 - coverage) * background, 0, 1)

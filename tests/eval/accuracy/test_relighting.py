@@ -93,3 +93,8 @@ def test_without_an_object_there_is_nothing_to_see(example):
 def test_extremes_stay_finite(example, exponent, strength):
     extreme = example | {"environment": example["environment"] * strength}
     assert np.isfinite(relighting.relight(extreme, [_true(example, exponent=exponent)])).all()
+
+
+def test_an_object_without_a_whole_pixel_is_relit_by_the_partly_covered_ones(example):
+    thin = example | {"mask": np.minimum(example["mask"], np.float32(0.9))}
+    assert relighting.relight(thin, [relighting.AVERAGE])[0][0] < HIGHEST_PSNR - 5
