@@ -30,7 +30,7 @@ from lime_keras.io import atomic, locking, untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 
-from .. import graphs
+from .. import cli, graphs
 from ..provenance import commit, differences
 from . import cutouts, data, recipe, steps
 from .recipe import Package, Recipe
@@ -121,7 +121,8 @@ class _Run:
                 for one in self._things
             ],
         }
-        for step in self._steps.values():
+        for title, step in self._steps.items():
+            _check_options(title, step.command)
             if step.begins_with and (own := self._folder / step.begins_with).exists():
                 raise ValueError(f"{own} would be taken for that set: pass another --out")
 
@@ -320,6 +321,15 @@ class _Run:
         text = json.dumps(record, indent=1) + "\n"
         atomic.write(self._folder / "model" / "training.json", text)
         return sorted({one for step in taken.values() for one in step["commit"]})
+
+
+def _check_options(title: str, command: Sequence[str]) -> None:
+    """Raise ValueError for a training that `lime-train` would refuse hours later."""
+    if command[0] == "lime-train":
+        try:
+            cli.parser().parse_args(command[1:])
+        except SystemExit as error:
+            raise ValueError(f"{title}: lime-train refuses it, as it says above") from error
 
 
 def _fits(path: Path, packages: Sequence[Package]) -> bool:

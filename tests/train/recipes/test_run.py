@@ -178,6 +178,16 @@ def test_a_recipe_that_made_nothing_yet_may_be_mended(own, folder, commands, tmp
     assert "--seed 2" in json.loads((out / "steps" / "corpora" / "own.json").read_text())["command"]
 
 
+def test_options_that_a_training_would_refuse_are_told_before_the_first_step(
+    own, folder, commands, tmp_path, capsys
+):
+    Path(own).write_text(RECIPE.replace('"--width"', '"--widht"', 1))
+    with pytest.raises(ValueError, match="trainings/masks: lime-train refuses it"):
+        run.carry_out(own, tmp_path / "run", data_folder=folder)
+    assert "unrecognized arguments: --widht" in capsys.readouterr().err
+    assert not commands.ran
+
+
 def test_another_set_is_evaluated_anew(own, folder, commands, tmp_path):
     out = tmp_path / "run"
     run.carry_out(own, out, data_folder=folder)
