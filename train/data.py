@@ -203,7 +203,10 @@ class Data:
         """Return the input masks of photos and the predictions of frozen subnetworks, if wanted."""
         if INPUT_MASK not in features and not frozen:
             return None
-        networks = {**({} if self._masker is None else {"segmentation": self._masker}), **frozen}
+        finds, networks = INPUT_MASK in features, dict(frozen)
+        if finds and self._masker is not None:
+            networks = {"segmentation": self._masker, **frozen}
+        seed = seed if finds else None  # without a masker, the true masks
         text = f"{photos.folder.name} {seed} {answers.sha256(networks)}"
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
         if key not in self._opened:

@@ -53,7 +53,10 @@ def _fit(network: keras.Model, other: keras.Model) -> list[np.ndarray] | None:
     """Return the weights of another network for this one, or None if its layers differ."""
     cells, before = (one.inputs[0].shape[1] // 2**ENCODER_BLOCKS for one in (network, other))
     values = other.get_weights()
-    if len(values) != len(network.weights) or is_plain(network) != is_plain(other):
+    # An input of another name is in another unit.
+    read, read_before = ([one.name for one in net.inputs] for net in (network, other))
+    units_differ = read != read_before or is_plain(network) != is_plain(other)
+    if len(values) != len(network.weights) or units_differ:
         return None
     for index, weight in enumerate(network.weights):
         if cells != before and weight.path.endswith("dense1/kernel"):

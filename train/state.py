@@ -8,7 +8,7 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, untrusted
 
 from .stage_model import StageModel
 
@@ -68,7 +68,8 @@ class Checkpoint:
 
         The file must exist.
         """
-        with np.load(self.path) as stored:
+        mend = "delete it to train the stage again"
+        with untrusted.naming(self.path, "a checkpoint", mend), np.load(self.path) as stored:
             for index, variable in enumerate(_variables(model)):
                 variable.assign(stored[f"arr_{index}"])
 

@@ -23,7 +23,9 @@ from typing import Any
 
 import keras
 
+from lime_keras import console
 from lime_keras.io import atomic, locking
+from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file, weights
 from lime_keras.networks import build
 from lime_keras.networks.precision import computing_in
@@ -99,11 +101,12 @@ def train(
         claim(run, paths, config, leads=split.leads)
         try:
             opened = _Run(run, config, data, split, tell, only, reuse, start_from)
-        except (ValueError, FileNotFoundError):
-            if is_new and split.leads:  # so that the same folder takes the options that are mended
+            opened.learn()
+        except (ValueError, FileNotFoundError, console.MissingExtra):
+            # So that the same folder takes the options that are mended.
+            if is_new and split.leads and not any((run / "stages").glob("*.npz")):
                 config_path(run).unlink()
             raise
-        opened.learn()
         opened.evaluate()
     return opened.untrained
 
@@ -150,6 +153,7 @@ class _Run:
                 self._subnetworks = build(config.architecture, config.seed)
             if config.begun_from is not None:
                 begun = initial_weights.load(start_from, self._subnetworks, config.fresh or ())
+                _check_lobe(config, start_from, begun)
             elif config.fresh:
                 raise ValueError("--fresh is for --start-from: pass it, or leave --fresh out")
             if config.architecture.pretrained and "segmentation" not in begun:
@@ -252,6 +256,16 @@ def stages_of(config: Config) -> list[Stage]:
     frozen = set(config.frozen or ())
     stages = config.schedule.stages(config.architecture)
     return [stage for stage in stages if not frozen.issuperset(stage.subnetworks)]
+
+
+def _check_lobe(config: Config, model: Path | None, begun: Collection[str]) -> None:
+    """Raise ValueError if subnetworks begin with an S of another unit than the corpora have."""
+    others = [name for name in begun if name != "segmentation"]
+    if model is not None and others and (lobe := model_folder.lobe(model)) != config.lobe:
+        raise ValueError(
+            f"{model} learnt S with --lobe {lobe}, and the corpora have {config.lobe}: leave out "
+            f"--start-from, or add --fresh {' '.join(others)}"
+        )
 
 
 def _freeze(config: Config, subnetworks: Mapping[str, keras.Model], begun: Collection[str]) -> None:

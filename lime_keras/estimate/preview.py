@@ -126,7 +126,10 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
     photo = np.where(edge[..., None], _OUTLINE, _crop(image_srgb, square, is_photo=True))
     shown = {_TITLES["photo"]: np.where(inside, photo, paper)}
     if material.whole() is not None:
-        shown["in a studio"] = _sphere_tile(material)
+        # With some of its background around it.
+        ball, room = sphere(material, TILE - 2 * _ROOM), (_ROOM, _ROOM)
+        grey = colour.linear_to_srgb(_BACKGROUND)
+        shown["in a studio"] = np.pad(ball, (room, room, (0, 0)), constant_values=grey)
     for name, title in list(_TITLES.items())[1:]:
         if name in material.layers:
             tile = _crop(material.layers[name], square)
@@ -167,13 +170,6 @@ def caption(numbers: Mapping[str, Any]) -> list[str]:
     if "mask_confidence" in numbers:
         mask.append(f"mask confidence {numbers['mask_confidence']:.2f}")
     return ["    ".join(line) for line in (words, parts, mask) if line]
-
-
-def _sphere_tile(material: Material) -> np.ndarray:
-    """Return a sphere of the material with some of its background around it, as a tile."""
-    tile = np.full((TILE, TILE, 3), colour.linear_to_srgb(_BACKGROUND), np.float32)
-    tile[_ROOM:-_ROOM, _ROOM:-_ROOM] = sphere(material, TILE - 2 * _ROOM)
-    return tile
 
 
 def _crop(image: np.ndarray, square: Square, *, is_photo: bool = False) -> np.ndarray:

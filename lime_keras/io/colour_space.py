@@ -125,7 +125,8 @@ def decide(tags: Tags, channels: int, *, deep: bool) -> Conversion:
     if tags.is_unspecified and not tags.chromaticities:
         return _unknown("it says that they are not, and not what they are")
     curve = tags.curve or colour.srgb_to_linear
-    if tags.exponent and abs(tags.exponent * 2.2 - 1) > _LIKE_SRGB:
+    like_srgb = tags.exponent and abs(tags.exponent * 2.2 - 1) <= _LIKE_SRGB
+    if tags.exponent and not (like_srgb and tags.chromaticities != ADOBE):
         curve = _power(1 / tags.exponent)
     return _converting(tags.chromaticities or REC709, curve)
 

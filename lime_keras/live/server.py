@@ -17,6 +17,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -75,6 +76,7 @@ class LiveServer(ThreadingHTTPServer):
         self, estimator: Estimator, port: int, kind: str | None = None, source: Path | None = None
     ):
         self.session, self.source = Session(estimator), source
+        self.page = ""
         self.busy = threading.Lock()
         self.pages = _pages()
         self.about: dict[str, Any] = {
@@ -159,8 +161,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _estimate(self, body: bytes) -> tuple[str, bytes]:
         request = wire.unpack(body)
-        if request.restart:
+        # Frames of two tabs are of two objects.
+        if request.restart or request.page != self.server.page:
             self.server.session.restart()
+            self.server.page = request.page
         result = self.server.session.process(request.image_srgb, request.mask, request.frame)
         height, width, _ = request.image_srgb.shape
         content = wire.pack(result, number=request.number, width=width, height=height)
@@ -168,7 +172,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _decode(self, body: bytes) -> tuple[str, bytes]:
         """Return a picture that the browser cannot read, such as HEIC or OpenEXR, as a PNG."""
-        suffix = self.headers.get("X-Suffix", "").lower()
+        suffix = unquote(self.headers.get("X-Suffix", "")).lower()
         if suffix not in SUFFIXES:
             raise ValueError(f"{suffix or 'this file'} is no picture: choose {', '.join(SUFFIXES)}")
         with tempfile.TemporaryDirectory(prefix="lime-live-") as folder:

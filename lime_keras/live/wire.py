@@ -1,9 +1,10 @@
 """The bytes between page and server: a length, a JSON header of that length, then plain arrays.
 
-The length is four bytes, little-endian. A request's header says `number`, `width`, `height`, `mask`
-and `options`, and `restart` for the first frame of a stream. The pixels follow, `width · height`
-times red, green, blue and a byte that is not read; and, if `mask` is true, as many bytes of the
-mask. An answer's header holds its numbers and `arrays`: type, shape and first byte of each array.
+The length is four bytes, little-endian. A request's header says `page`, `number`, `width`,
+`height`, `mask` and `options`, and `restart` for the first frame of a stream. The pixels follow,
+`width · height` times red, green, blue and a byte that is not read; and, if `mask` is true, as many
+bytes of the mask. An answer's header holds its numbers and `arrays`: type, shape and first byte of
+each array.
 """
 
 import json
@@ -29,6 +30,7 @@ class Request:
     """One frame, as the page sends it.
 
     Attributes:
+        page: name of the page that sends it.
         number: number of the frame, which its answer carries.
         image_srgb: `(H, W, 3)` uint8 sRGB.
         mask: coverage `(H, W)` uint8 that the user painted; None to find the object.
@@ -36,6 +38,7 @@ class Request:
         restart: whether another stream begins with the frame.
     """
 
+    page: str
     number: int
     image_srgb: np.ndarray
     mask: np.ndarray | None
@@ -67,6 +70,7 @@ def unpack(body: bytes) -> Request:
     for channel in range(3):  # One copy of all takes three times as long.
         image[..., channel] = pixels[..., channel]
     return Request(
+        page=str(header.get("page", "")),
         number=number,
         image_srgb=image,
         mask=levels[4 * area :].reshape(height, width) if masked else None,

@@ -159,7 +159,8 @@ def _add_speed(out: Any) -> None:
         "--shard-size",
         type=console.count,
         metavar="N",
-        help="examples in a file (default: a twentieth of the count, at most 512)",
+        help="examples in a file, which above 512 share bodies and lights with more than seven "
+        "others (default: a twentieth of the count, at most 512)",
     )
 
 

@@ -150,7 +150,9 @@ def _preview(options: argparse.Namespace) -> int:
     console.import_tensorflow()
     from ..inspect import contact_sheet
 
-    for split in _splits(options):
+    splits = _splits(options)
+    complete = [split for split in splits if split.manifest_path.is_file()]
+    for split in complete or splits:
         with console.Bar(f"preview {split.name}", "example") as bar:
             path = contact_sheet.write(split.corpus, split.name, bar.move)
         print(path)

@@ -20,11 +20,10 @@ from ..scene.gbuffer import Tracer
 from ..scene.lights import Light, prepare
 from ..scene.quality import FAST, Quality
 from ..scene.sampling import NARROW, WIDE, sample_light_rotation, sample_pose
-from ..scene.sources import MAPS, MIXED, generator, random_subset
+from ..scene.sources import MAPS, MIXED, ROOMS, generator, random_subset
 from ..shapes import endless, meshes
 
 SHAPES = {"train": 400, "test": 100}
-ROOMS = {"train": 40, "test": 12}
 SKIES = 48  # number of skies, which mixed lights have beside rooms
 MOST = 64
 """Largest number of bodies, and of lights, that a shard draws from.
@@ -240,7 +239,9 @@ def render_example(
     failures: list[dict[str, Any]] = []
     for attempt in range(_TRIES):
         rng = generator(sources.seed, sources.split, "example", index, attempt)
-        body = bodies[rng.integers(len(bodies))]
+        # Where none of a shard's few bodies may do, another shape does.
+        some = bodies if attempt < _TRIES // 2 else sources.shape_names
+        body = some[rng.integers(len(some))]
         light = sources.light(lights[rng.integers(len(lights))], quality)
         mesh, tracer = sources.mesh(body, size, quality)
         pose = sample_pose(rng, mesh.vertices, size, WIDE if sources.is_mixed else NARROW)

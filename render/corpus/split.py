@@ -101,6 +101,11 @@ def _refuse_another(job: Job) -> dict[str, Any] | None:
     """Return the description of the job's folder; ValueError is raised if it is of another job."""
     begun = resuming.read_description(job.split.description_path)
     if begun is None:
+        if any(job.split.folder.glob("*.tfrecord")):
+            raise ValueError(
+                f"{job.split.folder} holds shards and no {job.split.description_path.name}, which "
+                "says what they are: restore it, or remove the folder"
+            )
         return None
     asked = job.description.recorded()
     differing = [

@@ -41,8 +41,8 @@ def environment_path(path: Path) -> Path:
     return path.with_name(f"{path.stem}-environment.exr")
 
 
-def export(corpus: Path, split: str, index: int, out: Path) -> Path:
-    """Write the layers of an example to a file, and its environment to a second file beside it.
+def export(corpus: Path, split: str, index: int, out: Path) -> None:
+    """Write the layers of an example to a file, and its environment to `environment_path(out)`.
 
     The layers have the values of the record, bit for bit. Material, camera (fx, fy, cx, cy in
     pixels) and origin (shape, light, seed, index) are attributes of the file.
@@ -52,9 +52,6 @@ def export(corpus: Path, split: str, index: int, out: Path) -> Path:
         split: `train` or `test`.
         index: index of the example in the split.
         out: file to write, `.exr`.
-
-    Returns:
-        `out`; `environment_path(out)` is the second file.
 
     Raises:
         FileNotFoundError: if the split is incomplete.
@@ -72,7 +69,6 @@ def export(corpus: Path, split: str, index: int, out: Path) -> Path:
     _write(out, channels, np.concatenate(images, axis=-1), _attributes(example))
     light = {"light": example["light"].decode()}
     _write(environment_path(out), [("Y", oiio.HALF)], example["environment"], light)
-    return out
 
 
 def read(split: Split, index: int) -> dict[str, Any]:

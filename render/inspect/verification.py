@@ -25,7 +25,7 @@ Fault = tuple[str, str]
 """A fault: its kind, in a word, and a text that begins with the file that it is in."""
 
 _AHEAD = 16  # number of records per thread that are held in memory at once
-_BUILT_IN = re.compile(r"room-\d{4}\.exr|sky-\d{4}|endless-\d{5}-\d{2}")
+_BUILT_IN = re.compile(r"room-\d{4,}\.exr|sky-\d{4,}|endless-\d{5,}-\d{2}")
 """Names of lights and bodies that a corpus may have beside those of the user's files."""
 _READ = (
     *("shards", "count", "sha256", "shapes", "lights", "inputs"),

@@ -14,6 +14,7 @@ from lime_keras.io import untrusted
 
 from ..scene import backgrounds, environments
 from ..scene.example import LEAST_COVERAGE
+from ..scene.sources import ROOMS
 from ..shapes import meshes
 
 KINDS = ("shapes", "environments", "backgrounds")
@@ -205,7 +206,8 @@ def clashes(
     if any(one.get("light_split") for one in described):
         separate.remove("environments")
         maps = [of_one.get("environments", {}) for of_one in used]
-        rooms = [(one.get("seed"), one.get("light_count")) for one in described]
+        count = ROOMS["train"]
+        rooms = [(one.get("seed"), one.get("light_count") or count) for one in described]
         if maps[0] != maps[1] or (not maps[0] and rooms[0] != rooms[1]):
             yield (
                 "both splits are to have the same lights, by --lights known, and have others: pass "

@@ -8,7 +8,7 @@ one step of 1/256.
 
 import numpy as np
 
-from lime_keras.optics import environment
+from lime_keras.optics import environment, shading
 
 from ..shapes.meshes import Mesh
 from .gbuffer import mitsuba_mesh
@@ -87,9 +87,7 @@ def _drawn(light: Light, up: np.ndarray, count: int) -> np.ndarray:
 def _ground(mesh: Mesh, pose: Pose, up: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the row-major indices `(P,)` of pixels that see ground, and its points `(P, 3)`."""
     height = float(np.min((mesh.vertices @ pose.rotation.T + pose.translation) @ up)) - _GAP
-    fx, fy, cx, cy = pose.camera
-    x, y = (np.arange(size) + 0.5 - cx) / fx, (cy - np.arange(size) - 0.5) / fy
-    towards = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1).reshape(-1, 3)
+    towards = -shading.view_directions(pose.camera, size, size).reshape(-1, 3)
     falling = towards @ up
     pixels = np.flatnonzero((falling * np.sign(height) > 0) & (height != 0))
     return pixels, towards[pixels] * (height / falling[pixels])[:, None]

@@ -34,7 +34,8 @@ class GBuffer:
         central: `(P,)`, index of the sample nearest the centre of each covered pixel.
         spread: `(P,)`, variance of the mirror directions in each covered pixel, 0 … 1.
         cells: `(Q,)`, index of the sample that represents each covered cell.
-        cell_weights: `(Q,)`, number of covered samples in each covered cell.
+        cell_weights: `(Q,)`, covered share of each covered cell, in samples: all cells of a covered
+            pixel have the same.
     """
 
     coverage: np.ndarray
@@ -313,6 +314,8 @@ class _Grid:
         self.x, self.y = column[order], row[order]
         self._cell = cell[order]
         self._cells_a_pixel = cells**2
+        # Of 3 × 3 samples those in the middle are of one cell alone, which is no larger for it.
+        self._share = across**2 / cells**2 / np.bincount(self._cell)
         off_centre = np.hypot(row - 0.5, column - 0.5)[order]
         # Each sample's rank by its distance from the pixel's centre.
         self._rank = np.argsort(np.argsort(off_centre.round(6), kind="stable"))
@@ -354,7 +357,7 @@ class _Grid:
             central=np.minimum.reduceat(ranked, starts) % len(there) if len(there) else starts,
             spread=np.maximum(1 - sum(mean**2 for mean in means), 0),
             cells=first,
-            cell_weights=np.diff(first, append=len(cell)),
+            cell_weights=np.diff(first, append=len(cell)) * self._share[self._cell[sample[first]]],
         )
 
 

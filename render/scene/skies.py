@@ -103,19 +103,17 @@ def _luminance(
         }
     )
     incoming = -_in_mitsuba(towards.reshape(-1, 3))
-    if "scalar" in str(mi.variant()):
-        rgb = np.array([_one(emitter, direction) for direction in incoming]).reshape(-1, 3)
-    else:
+
+    def seen(direction) -> np.ndarray:
         surface = mi.SurfaceInteraction3f()
-        surface.wi = mi.Vector3f(*map(mi.Float, incoming.T.astype(np.float32)))
-        rgb = np.array(emitter.eval(surface)).reshape(3, -1).T
+        surface.wi = mi.Vector3f(*direction)
+        return np.array(emitter.eval(surface))
+
+    if "scalar" in str(mi.variant()):
+        rgb = np.array([seen(map(float, one)) for one in incoming]).reshape(-1, 3)
+    else:
+        rgb = seen(map(mi.Float, incoming.T.astype(np.float32))).reshape(3, -1).T
     return (rgb @ colour.LUMINANCE_WEIGHTS).reshape(towards.shape[:-1])
-
-
-def _one(emitter: "mi.Emitter", direction: np.ndarray) -> np.ndarray:
-    surface = mi.SurfaceInteraction3f()
-    surface.wi = mi.Vector3f(*map(float, direction))
-    return np.array(emitter.eval(surface))
 
 
 def _in_mitsuba(direction: np.ndarray) -> np.ndarray:

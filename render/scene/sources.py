@@ -15,6 +15,7 @@ from lime_keras.data.corpus import SPLITS
 from lime_keras.io.scanner import list_folder
 
 TEST_SHARE = 0.2
+ROOMS = {"train": 40, "test": 12}  # built-in rooms, if no other number is asked for
 LIGHT_LAWS = ("mixed", "maps")
 """Laws of the lights: mixtures of maps, rooms, skies and lamps (`light_law`); or single maps."""
 MIXED, MAPS = LIGHT_LAWS

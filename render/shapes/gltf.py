@@ -151,8 +151,10 @@ class _File:
                 faces = faces[:, ::-1]
             faces = np.where((faces >= 0) & (faces < len(places)), faces + 1, 0)
             normals = np.full(places.shape, np.nan)
-            if "NORMAL" in attributes and np.linalg.matrix_rank(linear) == 3:
-                normals = self._values(attributes["NORMAL"]) @ np.linalg.inv(linear)
+            moved = [to for _, to in _moves(primitive, weights) if "POSITION" in to]
+            known = "NORMAL" in attributes and all("NORMAL" in to for to in moved)
+            if known and np.linalg.matrix_rank(linear) == 3:
+                normals = self._moved("NORMAL", primitive, weights) @ np.linalg.inv(linear)
             nowhere = np.full((1, 3), np.nan)
             yield (
                 np.concatenate([nowhere, places @ linear.T + matrix[:3, 3]]),
@@ -162,15 +164,19 @@ class _File:
 
     def _places(self, primitive: dict[str, Any], weights: list[float]) -> np.ndarray:
         """Return the vertices of a primitive `(V, 3)`, moved to its morph targets."""
-        number = primitive["attributes"]["POSITION"]
-        pairs = zip(weights, primitive.get("targets", []), strict=False)
-        moves = [(weight, to["POSITION"]) for weight, to in pairs if weight and "POSITION" in to]
-        if not moves and {"bufferView", "sparse"}.isdisjoint(self.document["accessors"][number]):
+        accessor = self.document["accessors"][primitive["attributes"]["POSITION"]]
+        moved = any("POSITION" in to for _, to in _moves(primitive, weights))
+        if not moved and {"bufferView", "sparse"}.isdisjoint(accessor):
             raise ValueError("its vertices lie nowhere: it was compressed, say")
-        places = self._values(number)
-        for weight, target in moves:
-            places = places + weight * self._values(target)
-        return places.astype(np.float32)
+        return self._moved("POSITION", primitive, weights).astype(np.float32)
+
+    def _moved(self, name: str, primitive: dict[str, Any], weights: list[float]) -> np.ndarray:
+        """Return an attribute of a primitive, `(V, 3)`, moved to its morph targets."""
+        values = self._values(primitive["attributes"][name])
+        for weight, to in _moves(primitive, weights):
+            if name in to:
+                values = values + weight * self._values(to[name])
+        return values
 
     def _faces(self, primitive: dict[str, Any], mode: int, count: int) -> np.ndarray:
         """Return the triangles `(F, 3)` of a primitive of `count` vertices."""
@@ -219,6 +225,12 @@ class _File:
             place.get("byteOffset", 0),
             (view.get("byteStride") or columns * kind.itemsize, kind.itemsize),
         )
+
+
+def _moves(primitive: dict[str, Any], weights: list[float]) -> list[tuple[float, dict[str, int]]]:
+    """Return the morph targets of a primitive that move it, with their weights."""
+    pairs = zip(weights, primitive.get("targets", []), strict=False)
+    return [(weight, target) for weight, target in pairs if weight]
 
 
 def _placement(node: dict[str, Any]) -> np.ndarray:

@@ -194,8 +194,8 @@ def _sides(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> np.n
 
 def _trusted(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> bool:
     """Return whether the normals are finite, not zero, and seldom on both sides of a face."""
-    of_corners = normals[faces]
-    if not np.isfinite(of_corners).all() or (np.linalg.norm(of_corners, axis=-1) < 1e-6).any():
+    lengths = np.linalg.norm(normals[faces], axis=-1)  # infinite above 1e154
+    if not np.isfinite(lengths).all() or (lengths < 1e-6).any():
         return False
     side = _sides(vertices, faces, normals)
     return bool(((side > 0).all(1) | (side < 0).all(1)).mean() >= _TRUSTED)

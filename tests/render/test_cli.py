@@ -1,6 +1,7 @@
 """`lime-render`: what it prints, and how it ends."""
 
 import json
+import shutil
 import subprocess
 import sys
 
@@ -169,6 +170,10 @@ def test_a_corpus_with_skipped_files_is_sound_and_can_be_looked_at(
     assert capsys.readouterr().out == f"4 examples in {corpus}/train: sound\n"
     layers = ["layers", corpus, "3", "--split", "train"]
     elsewhere = tmp_path / "example.exr"
+    # A split that is not complete has no sheet yet.
+    begun = tmp_path / "corpus" / "test" / "description.json"
+    begun.parent.mkdir()
+    begun.touch()
     for command, count in (
         (["preview", corpus], 1),
         (layers, 2),
@@ -180,6 +185,7 @@ def test_a_corpus_with_skipped_files_is_sound_and_can_be_looked_at(
         for path in written:
             assert not oiio.ImageBuf(path).has_error
     assert elsewhere.is_file()
+    shutil.rmtree(begun.parent)
     assert cli.main(["verify", corpus]) == 0  # what was drawn beside the shards is no stray
     capsys.readouterr()
     shard = tmp_path / "corpus" / "train" / "00001.tfrecord"

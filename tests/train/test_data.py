@@ -10,6 +10,7 @@ import stage_runs
 from sphere_corpus import write_split
 
 from lime_keras.data.corpus import Split
+from lime_keras.networks import build
 from lime_keras.train.config import corpus_sha256, lobe_of
 from lime_keras.train.data import Data
 from lime_keras.train.photos.kept import INPUT_MASK
@@ -239,6 +240,19 @@ def test_photos_are_cut_out_by_what_is_found(paths, run):
     assert shares[0][1] == 0 and 2 <= shares[0][2] <= 20
     assert 2 <= shares[1][0] <= 20 and 10 <= shares[1][1] <= 30
     assert kinds(0.4) == kinds(0.4) and kinds(0.4).count("damaged") == shares[0][2]
+
+
+@pytest.mark.parametrize("found_masks", [False, True])
+def test_frozen_subnetworks_see_the_masks_of_those_that_learn(paths, tmp_path, found_masks):
+    data = _data(paths, tmp_path, **OWN | {"found_masks": found_masks}, photos=40)
+    data.set_masker(Masker(0.4))
+    photos, features = data._photos(MATERIAL), data.with_input_mask(MATERIAL, ["image"])
+    frozen = {"specular": build(stage_runs.TINY)["specular"]}
+    for seed in (1, None):
+        kept = data._answers(photos, features, frozen, seed)
+        rows = np.arange(photos.count)
+        seen, true = kept.read(rows, (INPUT_MASK,)), photos.read(rows, ("mask",))
+        assert np.array_equal(seen[INPUT_MASK], true["mask"]) != found_masks
 
 
 def test_validation_photos_are_cut_out_by_the_network_alone(paths, run):

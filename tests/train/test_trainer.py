@@ -6,6 +6,7 @@ import itertools
 import json
 import re
 import shutil
+import types
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ from lime_keras.train.data import Data
 from lime_keras.train.devices import Devices
 from lime_keras.train.photos import making
 from lime_keras.train.stages import SCHEDULES, Stage
-from lime_keras.train.state import means
+from lime_keras.train.state import Checkpoint, means
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
 BRIEF = dataclasses.replace(
@@ -452,6 +453,17 @@ def test_the_folder_of_a_recipe_is_refused(corpus, config, tmp_path):
         trainer.train([corpus], tmp_path, config, _ignore)
 
 
+def test_weights_of_another_lobe_are_refused(corpus, config, finished, tmp_path):
+    given = tmp_path / "given"
+    shutil.copytree(finished / "model", given)
+    record = json.loads((given / "training.json").read_text())
+    record["config"]["lobe"] = "printed"
+    (given / "training.json").write_text(json.dumps(record))
+    on = dataclasses.replace(config, begun_from=model_folder.digest(given))
+    with pytest.raises(ValueError, match="with --lobe printed, and the corpora have furnace"):
+        trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=given)
+
+
 def test_another_beginning_is_another_run(corpus, config, finished, tmp_path):
     shutil.copytree(finished, tmp_path / "run")
     on = dataclasses.replace(config, begun_from=model_folder.digest(finished))
@@ -470,6 +482,19 @@ def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(ValueError, match=r"2-specular\.npz cannot be read: .*delete it to train"):
         trainer.train([corpus], run, config, _ignore, only=["specular"])
+
+
+def test_a_damaged_array_of_a_checkpoint_is_named(finished, tmp_path):
+    path = tmp_path / "stages" / "1-segmentation.npz"
+    path.parent.mkdir()
+    shutil.copy(finished / "stages" / path.name, path)
+    content = bytearray(path.read_bytes())
+    content[content.index(b"arr_0.npy") + 200] ^= 255
+    path.write_bytes(content)
+    network = networks.build(TINY)["segmentation"]
+    model = types.SimpleNamespace(subnetworks={"segmentation": network}, compiled=False)
+    with pytest.raises(ValueError, match=r"segmentation\.npz cannot be read .*delete it to train"):
+        Checkpoint(tmp_path, "1-segmentation", "").restore(model)
 
 
 def test_a_run_that_another_process_trains_is_refused(corpus, config, tmp_path):
@@ -637,6 +662,7 @@ def test_one_shard_cannot_be_split(config, tmp_path):
     corpus = write_split(tmp_path, "train", [range(2)])
     with pytest.raises(ValueError, match="at least 2"):
         trainer.train([corpus], tmp_path / "run", config, _ignore)
+    assert not (tmp_path / "run" / "config.json").exists(), "the mended corpus would be refused"
 
 
 def test_the_command_names_what_is_missing(tmp_path, capsys):

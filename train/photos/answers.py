@@ -63,7 +63,9 @@ def features(networks: Mapping[str, keras.Model]) -> tuple[str, ...]:
 
 def predict_mask(network: keras.Model, images: np.ndarray) -> np.ndarray:
     """Return the masks that SegmentationNet finds in images, as other subnetworks read them."""
-    answer = network.predict_on_batch(np.asarray(images))
+    images = np.asarray(images)
+    # Of several devices under TensorFlow each answers all images, one behind the other.
+    answer = network.predict_on_batch(images)[: len(images)]
     return keras.ops.convert_to_numpy(estimate("mask", network, answer, lambda name: None))
 
 
@@ -120,8 +122,8 @@ def _input_masks(
         # Always as many photos: for another number the prediction would be compiled anew.
         whole = -(-len(undrawn) // _BATCH) * _BATCH
         images = np.split(batch["image"][np.resize(undrawn, whole)], whole // _BATCH)
-        predicted = np.concatenate([predict_mask(masker, some) for some in images])
-    for index, one in zip(undrawn, predicted, strict=False):
+        predicted = np.concatenate([predict_mask(masker, some) for some in images])[: len(undrawn)]
+    for index, one in zip(undrawn, predicted, strict=True):
         drawn[index] = one
     return np.stack([one for one in drawn if one is not None])
 

@@ -115,6 +115,8 @@ async function estimate(image, mask, wanted, own) {
     if (!(error instanceof EngineError)) console.error(error);
     if (error.kind === "gone") {
       await wait(1000);
+      // The server that comes back may have other weights.
+      if (engine.name === "server" && (await findEngine())) say(source?.name ?? "Ready");
       engine.restart();
       return "again";
     }
@@ -253,6 +255,11 @@ async function begin(open, told) {
     if (!(error instanceof EngineError)) console.error(error);
     say("Ready");
     if (source?.live) release();
+    else if (source && last.source !== source) {
+      // The photo that was being estimated is the one that stays.
+      await once(own);
+      if (own === run) complain(error.message);
+    }
     return;
   }
   frozen = false;
@@ -276,7 +283,11 @@ async function begin(open, told) {
 }
 
 async function startCamera(deviceId) {
-  await begin(() => openCamera(deviceId), "Asking for the camera…");
+  await begin(() => {
+    // Phones open one camera at a time.
+    if (source?.deviceId) source.stop();
+    return openCamera(deviceId);
+  }, "Asking for the camera…");
 }
 
 async function listCameras() {
@@ -292,25 +303,24 @@ async function listCameras() {
   );
 }
 
+function openFile(file, name) {
+  const moving = file.type.startsWith("video/") || /\.(mp4|m4v|mov|webm|mkv|avi|ogv)$/i.test(name);
+  return moving ? openVideo(file, name) : openPhoto(file, name, engine.decode?.bind(engine));
+}
+
 async function startFile(file) {
   if (!(await loaded)) return;
   const name = file.name || "the picture";
-  const moving = file.type.startsWith("video/") || /\.(mp4|m4v|mov|webm|mkv|avi|ogv)$/i.test(name);
-  const decode = engine.decode?.bind(engine);
-  await begin(
-    () => (moving ? openVideo(file, name) : openPhoto(file, name, decode)),
-    `Opening ${name}…`,
-  );
+  await begin(() => openFile(file, name), `Opening ${name}…`);
 }
 
 async function startUrl(url, name) {
-  try {
-    const answer = await fetch(url);
+  await begin(async () => {
+    const answer = await fetch(url).catch((error) => ({ status: error.message }));
     if (!answer.ok) throw new EngineError(`${name} cannot be loaded: ${answer.status}.`);
-    await startFile(new File([await answer.blob()], name, { type: answer.headers.get("Content-Type") ?? "" }));
-  } catch (error) {
-    complain(error.message);
-  }
+    const type = answer.headers.get("Content-Type") ?? "";
+    return openFile(new File([await answer.blob()], name, { type }), name);
+  }, `Opening ${name}…`);
 }
 
 // ---------------------------------------------------------------- numbers
@@ -725,7 +735,8 @@ function wire() {
   $("brush-reset").onclick = () => {
     stopPainting();
     if (source) source.mask = null;
-    once().then(() => startPainting());
+    const own = run;
+    once().then(() => own === run && startPainting());
   };
   $("erase").onclick = () => {
     erasing = !erasing;

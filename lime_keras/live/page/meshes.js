@@ -141,7 +141,8 @@ function turned(normals, m) {
 }
 
 function ply(buffer) {
-  const head = text(buffer, 0, Math.min(buffer.byteLength, 65536));
+  // A character a byte, so that places in the text are places in the file.
+  const head = new TextDecoder("latin1").decode(new Uint8Array(buffer, 0, Math.min(buffer.byteLength, 65536)));
   const end = /end_header\r?\n/.exec(head);
   const format = /format (ascii|binary_little_endian|binary_big_endian)/.exec(head)?.[1];
   if (!end || !format) throw new EngineError("its header does not end");

@@ -57,7 +57,6 @@ export class Renderer {
     canvas.addEventListener("webglcontextrestored", () => {
       this.#prepare();
       if (this.mesh) this.show(this.mesh);
-      if (this.texels) this.light(this.texels);
       this.draw();
     });
   }
@@ -88,7 +87,7 @@ export class Renderer {
       [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE],
       [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE],
     ]) gl.texParameteri(gl.TEXTURE_2D, name, value);
-    this.light(new Float32Array(4 * TABLE * TABLE));
+    this.light(this.texels ?? new Float32Array(4 * TABLE * TABLE));
   }
 
   /** Show a mesh {positions, normals, indices}. */

@@ -3,6 +3,7 @@
 
 import { EngineError } from "./errors.js";
 
+const LARGEST = 80 * 2 ** 20; // bytes of a file that the server takes
 const TYPES = { uint8: Uint8Array, float32: Float32Array };
 
 export async function createEngine(config) {
@@ -15,6 +16,7 @@ class ServerEngine {
   constructor(config) {
     this.name = "server";
     this.about = config.about;
+    this.page = String(Math.random());
   }
 
   restart() {
@@ -24,7 +26,9 @@ class ServerEngine {
   async estimate({ number, image, mask, options }) {
     const { width, height } = image;
     const header = new TextEncoder().encode(
-      JSON.stringify({ number, width, height, mask: mask !== null, options, restart: this.#restart }),
+      JSON.stringify({
+        page: this.page, number, width, height, mask: mask !== null, options, restart: this.#restart,
+      }),
     );
     const length = new DataView(new ArrayBuffer(4));
     length.setUint32(0, header.length, true);
@@ -63,10 +67,17 @@ class ServerEngine {
 
   /** A PNG of a picture that the browser cannot read. */
   async decode(file) {
-    const suffix = /\.[^.]*$/.exec(file.name ?? "")?.[0] ?? "";
+    const name = file.name || "the picture";
+    if (file.size > LARGEST) {
+      throw new EngineError(`${name} has more than 80 MiB: make it smaller, or a JPEG or PNG of it.`);
+    }
+    const bytes = await file.arrayBuffer().catch(() => {
+      throw new EngineError(`${name} cannot be read: is it a folder, or was it moved? Choose it again.`);
+    });
+    const suffix = encodeURIComponent(/\.[^.]*$/.exec(name)?.[0] ?? "");
     for (;;) {
       try {
-        return await (await post("decode", file, { "X-Suffix": suffix })).blob();
+        return await (await post("decode", bytes, { "X-Suffix": suffix })).blob();
       } catch (error) {
         if (error.kind !== "busy") throw error;
         await new Promise((resolve) => setTimeout(resolve, 50));

@@ -1,11 +1,13 @@
 // Where pictures come from: the camera, a video, a photo. Each gives frames as ImageData, sRGB.
 
+import { withProfile } from "./adobe_rgb.js";
 import { LINEAR, toLevel } from "./colour.js";
 import { EngineError } from "./errors.js";
 
 const LONGEST = 4096;
 const SMALLEST = 16;
 const MOST_PIXELS = 50e6;
+const PATIENCE = 15000; // ms until a camera or video has to give its first picture
 
 /** A photo: one frame, and the mask that its transparency is. */
 export class Still {
@@ -26,7 +28,7 @@ export class Still {
 export async function openPhoto(blob, name, decode) {
   let bitmap;
   try {
-    bitmap = await createImageBitmap(blob);
+    bitmap = await createImageBitmap(await withProfile(blob));
   } catch {
     if (!decode) {
       throw new EngineError(`${name} cannot be read as a picture: try a JPEG or PNG of it.`);
@@ -213,7 +215,11 @@ export async function openCamera(deviceId) {
     throw new EngineError(refusal(error));
   }
   const [track] = stream.getVideoTracks();
-  const source = new Moving(track.label || "camera", await playing((video) => (video.srcObject = stream)));
+  const video = await playing((element) => (element.srcObject = stream)).catch(() => {
+    for (const one of stream.getTracks()) one.stop();
+    throw new EngineError("No picture arrives: is the camera covered, asleep or unplugged? Press Camera again.");
+  });
+  const source = new Moving(track.label || "camera", video);
   source.deviceId = track.getSettings().deviceId;
   track.addEventListener("ended", () => source.lose());
   return source;
@@ -246,22 +252,27 @@ export async function cameras() {
 
 /** A video from a file or Blob, over and over. */
 export async function openVideo(blob, name) {
+  const address = URL.createObjectURL(blob);
   try {
-    const video = await playing((element) => (element.src = URL.createObjectURL(blob)));
-    return new Moving(name, video);
+    return new Moving(name, await playing((element) => (element.src = address)));
   } catch {
+    URL.revokeObjectURL(address);
     throw new EngineError(`${name} cannot be played by this browser: export it as MP4 (H.264) or WebM.`);
   }
 }
 
+/** A playing element that has a picture; it fails if there is none, or only sound. */
 async function playing(give) {
   const video = document.createElement("video");
   Object.assign(video, { muted: true, loop: true, playsInline: true });
-  give(video);
-  await new Promise((resolve, reject) => {
+  const loaded = new Promise((resolve, reject) => {
     video.addEventListener("loadeddata", resolve, { once: true });
     video.addEventListener("error", reject, { once: true });
+    setTimeout(reject, PATIENCE);
   });
-  await video.play();
+  give(video);
+  // Phones load nothing before they play.
+  await Promise.all([video.play(), loaded]);
+  if (!video.videoWidth) throw new Error("it has no picture");
   return video;
 }

@@ -191,6 +191,18 @@ def exif(path, space, interoperability):
     return path
 
 
+def test_dark_greys_of_adobe_rgb_keep_their_curve(tmp_path):
+    """Which is a power, far below sRGB's near black."""
+    tags = Image.Exif()
+    tags[0x8769] = {0xA001: 2}
+    encoded = np.array([5, 10, 20, 40, 80, 160], np.uint8)
+    pixels = encoded[:, None, None].repeat(16, 0).repeat(16, 1).repeat(3, 2)
+    Image.fromarray(pixels).save(path := tmp_path / "greys.jpg", quality=100, exif=tags)
+    expected = srgb((encoded / 255) ** (563 / 256))
+    found = photo.load(path)[0][8::16, 8]
+    assert np.abs(found - expected[:, None]).max() < 1 / 255
+
+
 def radiance(path):
     mantissa, exponent = np.frexp(chart(PATCHES @ TO_P3.T))
     shared = exponent.max(-1, keepdims=True)

@@ -262,6 +262,14 @@ def test_a_users_mesh_is_read_and_fitted(kind):
     assert np.all(np.sum(normals * points, axis=-1) > 0)
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_a_mesh_whose_header_has_an_umlaut_is_read(encoding):
+    trimesh = pytest.importorskip("trimesh")
+    content = trimesh.creation.box().export(file_type="ply", encoding=encoding)
+    noted = content.replace(b"1.0\n", "1.0\ncomment made by Müller\n".encode(), 1)
+    assert noted != content and parse(noted) == parse(content)
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [

@@ -163,6 +163,16 @@ def test_the_fusion_goes_on_until_a_restart(server):
     assert fused(**nothing, restart=True) is None
 
 
+def test_the_frames_of_two_tabs_are_not_fused(server):
+    def fused(page, **header):
+        answer = ask(server, "POST", "/estimate", frame(FRAME, page=page, **header))[1]
+        return read(answer)["fused"]
+
+    nothing = {"options": {"material": False}}
+    assert fused("a", restart=True) == fused("a", **nothing)
+    assert fused("b", **nothing) is None
+
+
 def test_a_body_too_large_or_without_a_length_is_refused_unread(server):
     answer, content = ask(server, "POST", "/estimate", Content_Length=str(wire.LARGEST_BODY + 1))
     assert answer.status == 413 and "make it smaller" in json.loads(content)["error"]

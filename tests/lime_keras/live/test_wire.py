@@ -19,8 +19,8 @@ def test_a_frame_comes_out_as_it_went_in():
     rng = np.random.default_rng(0)
     pixels, mask = rng.integers(0, 256, (3, 5, 4), np.uint8), rng.integers(0, 256, (3, 5), np.uint8)
     header = {"number": 7, "width": 5, "height": 3, "mask": True, "options": {"light": False}}
-    found = wire.unpack(body(pixels.tobytes() + mask.tobytes(), **header, restart=True))
-    assert found.number == 7 and found.restart
+    found = wire.unpack(body(pixels.tobytes() + mask.tobytes(), **header, page="a", restart=True))
+    assert found.number == 7 and found.restart and found.page == "a"
     assert found.frame == FrameRequest(material=True, light=False, fusion=True)
     assert np.array_equal(found.image_srgb, pixels[..., :3])
     assert found.mask is not None and np.array_equal(found.mask, mask)

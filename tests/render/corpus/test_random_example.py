@@ -55,6 +55,27 @@ def test_a_scene_that_fails_is_drawn_anew_and_told(sources, monkeypatch):
         render_example(3, sources, **SMALL)
 
 
+def test_a_shard_whose_bodies_all_fail_takes_another_shape(sources, monkeypatch):
+    usable = random_example.example.render
+    monkeypatch.setattr(sources, "names_in_shard", lambda *_: (["needle"], sources.light_names))
+    [ball], found, made = sources.shape_names, [], sources.mesh
+
+    def mesh(name, *rest):
+        found.append(name)
+        return made(ball, *rest)
+
+    monkeypatch.setattr(sources, "mesh", mesh)
+
+    def fails_of_the_needle(*arguments, **options):
+        if found[-1] == "needle":
+            raise ValueError("the object covers 0.1% of the image")
+        return usable(*arguments, **options)
+
+    monkeypatch.setattr(random_example.example, "render", fails_of_the_needle)
+    example = render_example(3, sources, **SMALL)
+    assert example.features["shape"] == ball and len(example.failures) == 10
+
+
 def test_an_example_that_no_record_can_hold_is_drawn_anew_and_told(sources, monkeypatch):
     usable, calls = random_example.example.render, []
 

@@ -23,6 +23,7 @@ from lime_keras.render.corpus import split
 from lime_keras.render.corpus.random_example import render_example
 from lime_keras.render.corpus.worker import sources_of
 from lime_keras.render.inspect import verification
+from lime_keras.render.jobs import inputs as split_inputs
 from lime_keras.render.jobs import processes, resuming
 from lime_keras.render.jobs.description import Description, Job
 
@@ -449,6 +450,9 @@ def test_known_lights_of_a_test_split_are_the_rooms_of_the_train_split(descripti
     ]
     train, test = map(sources_of, jobs)
     assert train.light_names == test.light_names and len(test.light_names) == 45
+    # The usual number is the same, said or not.
+    described = {"seed": 0, "light_split": "train"}, {"seed": 0, "light_count": 40}
+    assert not list(split_inputs.clashes(described, ({}, {})))
     assert train._light_split == test._light_split == "train" and train.seed == test.seed
     names = [train.shape_names, test.shape_names]
     assert [len(one) for one in names] == [5, 5] and not set(names[0]) & set(names[1])
@@ -514,6 +518,16 @@ def test_shards_of_other_software_are_told_in_the_manifest(
     assert manifest["packages"] == rendered[1]["packages"] | {
         "numpy": f"1.0, {rendered[1]['packages']['numpy']}"
     }
+
+
+def test_shards_without_a_description_are_not_taken_over(
+    rendered, description, mitsuba_choice, tmp_path
+):
+    out = tmp_path / "corpus"
+    shutil.copytree(rendered[0], out)
+    Split(out, "train").description_path.unlink()
+    with pytest.raises(ValueError, match=r"holds shards and no description\.json"):
+        render(out, description, mitsuba_choice)
 
 
 def test_a_broken_description_is_told_by_name(description, mitsuba_choice, tmp_path):

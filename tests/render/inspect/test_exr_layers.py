@@ -29,7 +29,9 @@ def record():
 
 @pytest.fixture(scope="module")
 def path(corpus):
-    return exr_layers.export(corpus, "test", INDEX, corpus / "test" / "example.exr")
+    path = corpus / "test" / "example.exr"
+    exr_layers.export(corpus, "test", INDEX, path)
+    return path
 
 
 def read(path):

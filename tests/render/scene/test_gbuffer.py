@@ -116,7 +116,9 @@ def test_the_central_sample_is_the_one_nearest_the_pixels_centre(ball):
 @pytest.mark.parametrize("most", [-1.0, 1e-3, 2.0])
 def test_lobe_samples_stand_for_all_samples_of_their_pixels(mitsuba_choice, quality, most):
     seen = look(gbuffer.Tracer(sphere(), SIZE, quality), PLACES[0])
-    assert seen.cell_weights.sum() == len(seen.pixel)
+    whole = np.bincount(seen.pixel[seen.cells], seen.cell_weights, SIZE**2)
+    full = seen.coverage.ravel() == 1
+    np.testing.assert_allclose(whole[full], np.bincount(seen.pixel, minlength=SIZE**2)[full])
     assert np.bincount(seen.pixel[seen.cells]).max() == quality.cells**2
     chosen, weights = seen.lobe_samples(most)
     assert len(chosen) == len(weights) == len(set(chosen.tolist()))
@@ -130,7 +132,8 @@ def test_lobe_samples_stand_for_all_samples_of_their_pixels(mitsuba_choice, qual
     inside = seen.coverage.ravel()[seen.covered_pixels] == 1
     means = seen.pixel_means(x)[inside], seen.pixel_means(x[chosen], chosen, weights)[inside]
     pixel = 1 / PLACES[0][1][0]
-    np.testing.assert_allclose(*means, atol=0.13 * pixel)
+    # Of 6 × 6 samples none is in the middle.
+    np.testing.assert_allclose(*means, atol=(0.09 if most == 2 else 0.02) * pixel)
 
 
 def test_edges_and_bent_surfaces_are_sampled_finely_and_the_rest_coarsely(refined_ball):

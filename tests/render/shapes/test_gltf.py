@@ -213,6 +213,23 @@ def test_normals_stay_at_right_angles_to_what_is_stretched(tmp_path):
     )
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_normals_follow_a_morph_target_or_are_made_anew(known, tmp_path):
+    """A plate that faces z; its target leans it by one in one."""
+    flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "<f4")
+    glb = Glb(flat)
+    glb.primitive["indices"] = glb.add(np.array([[0, 1, 2], [1, 3, 2]], "<u2").reshape(-1, 1))
+    glb.primitive["attributes"]["NORMAL"] = glb.add(np.full((4, 3), [0, 0, 1], "<f4"))
+    target = {"POSITION": glb.add((flat * [0, 0, 1] - flat[:, :1] * [0, 0, 1]).astype("<f4"))}
+    if known:
+        target["NORMAL"] = glb.add(np.full((4, 3), [0.5, 0, -0.5], "<f4"))
+    glb.primitive["targets"] = [target]
+    glb.document["meshes"][0]["weights"] = [1.0]
+    mesh, _ = meshes.read(glb.write(tmp_path / "a.glb"))
+    normals = np.full((4, 3), np.sqrt(0.5)) * [1, 0, 1]
+    np.testing.assert_allclose(mesh.normals, normals, atol=1e-6)
+
+
 def compressed(glb):
     glb.document["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {}}
 

@@ -60,7 +60,7 @@ f 2//1 3//1 4//1
 
 
 def test_insane_normals_of_a_file_are_replaced(tmp_path):
-    for k, normal in enumerate([(0, 0, 0), ("nan", 0, 1), (0, 1, 0)]):
+    for k, normal in enumerate([(0, 0, 0), ("nan", 0, 1), (0, 1, 0), (0, 0, 1e200)]):
         path = tmp_path / f"tetrahedron{k}.obj"
         path.write_text(OBJ.format(*normal))
         mesh = meshes.load(path)

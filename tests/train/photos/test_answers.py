@@ -133,6 +133,14 @@ def test_segmentation_looks_only_at_photos_whose_mask_it_finds(networks, photos,
         np.testing.assert_allclose(seen[row], expected, atol=0.51 / 255)
 
 
+def test_of_several_devices_the_first_answers(networks, monkeypatch):
+    """Under TensorFlow each of them answers all photos, one device behind the other."""
+    masker, images = networks["segmentation"], np.random.default_rng(3).random((3, SIZE, SIZE, 3))
+    expected, alone = answers.predict_mask(masker, images), masker.predict_on_batch
+    monkeypatch.setattr(masker, "predict_on_batch", lambda some: np.tile(alone(some), (2, 1, 1, 1)))
+    np.testing.assert_array_equal(answers.predict_mask(masker, images), expected)
+
+
 def test_answers_follow_from_photos_and_weights(networks, photos, tmp_path):
     segmentation = _of(networks, "segmentation")
     found = []

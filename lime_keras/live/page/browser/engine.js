@@ -78,7 +78,9 @@ class BrowserEngine {
       }
       return await this.worker.ask({ estimate: { number, image, mask, options } });
     } catch (error) {
-      if (this.worker?.lost === false) throw new EngineError(error.message);
+      // A graphics processor that is lost fails each frame: then WebAssembly tells whose fault it is.
+      const sound = this.worker?.lost === false && this.worker.about !== "WebGPU";
+      if (sound) throw new EngineError(error.message);
       this.worker?.end();
       this.worker = null;
       throw new EngineError(`The networks stopped: ${error.message}. They are started again.`, "gone");

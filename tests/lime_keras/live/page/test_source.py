@@ -27,13 +27,14 @@ globalThis.OffscreenCanvas = class {
     });
   }
 };
-globalThis.createImageBitmap = async (blob) => ({ ...blob, close() {} });
+globalThis.createImageBitmap = async ({ given }) => ({ ...given, close() {} });
 const { openPhoto } = await import(page + "source.js");
 const data = new Uint8ClampedArray(4 * width * height);
 for (let at = 0; at < width * height; at++) {
   data.set([200, 100, 50, at % width < width / 2 ? left : right], 4 * at);
 }
-const { image, mask } = await openPhoto({ width, height, data }, "photo.png");
+const blob = Object.assign(new Blob(), { given: { width, height, data } });
+const { image, mask } = await openPhoto(blob, "photo.png");
 return { first: [...image.data.slice(0, 4)], mask: mask && [mask[0], mask[mask.length - 1]] };
 """
 
