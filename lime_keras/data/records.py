@@ -120,12 +120,7 @@ def image_png(serialized: Any) -> tf.Tensor:
 
 
 def _stored(serialized: Any, spec: Mapping[str, Any]) -> dict[str, tf.Tensor]:
-    """Return the features of an example as they are stored, after a check of its schema.
-
-    Args:
-        serialized: scalar string tensor or bytes.
-        spec: features to read, as `tf.io.parse_single_example` takes them.
-    """
+    """Return the features of an example as they are stored, after a check of its schema."""
     schema = tf.io.FixedLenFeature([], tf.int64)
     example = tf.io.parse_single_example(serialized, {**spec, "schema": schema})
     check = tf.debugging.assert_equal(

@@ -203,13 +203,7 @@ class Batch:
         return draft.numbers, interchange.remarks(material)
 
     def _write_light(self, folder: Path, stem: str, one: _Input, material: Material) -> None:
-        """Write the light that an object shows and, with a renderer, `STEM-clone.png`.
-
-        Raises:
-            OSError: if a file cannot be written.
-            ValueError: if a layer or the albedo is missing, the normals cannot be read or have
-                another size than the photo, or the clone cannot be rendered.
-        """
+        """Write the light that an object shows and, with a renderer, `STEM-clone.png`."""
         image, mask = one.photo.image, material.layers["mask"]
         if self._normals is None:
             light = guessed_light.estimate(image, material)

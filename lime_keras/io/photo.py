@@ -229,12 +229,8 @@ def _opened(path: Path) -> Picture:
 def _read(path: Path, picture: Picture, factor: int) -> Photo:
     """Return sRGB `(H, W, 3)` in [0, 1], alpha `(H, W, 1)` or None, and what may be wrong.
 
-    The picture is converted in bands of rows, so that its floats are in memory only once.
-
-    Args:
-        path: path of the picture, for the messages.
-        picture: the opened picture.
-        factor: width and height in pixels of the areas that are averaged to a pixel.
+    The picture is converted in bands of rows, so that its floats are in memory only once. Areas of
+    `factor` × `factor` pixels are averaged to a pixel.
     """
     height, width = -(-picture.height // factor), -(-picture.width // factor)
     with untrusted.naming(path, "a picture"):

@@ -212,12 +212,9 @@ def _known(kind: str) -> str:
 
 
 def _upright(picture: Any, width: int, height: int) -> np.ndarray:
-    """Return the pixels `(H, W, 3)`, uint8 sRGB, of a decoded picture, turned upright.
+    """Return the pixels `(H, W, 3)`, uint8 sRGB, of PyAV's picture, turned upright.
 
-    Args:
-        picture: picture of PyAV.
-        width: width in square pixels, before it is turned.
-        height: height in square pixels.
+    `width` and `height` are those in square pixels before it is turned.
     """
     unspecified = picture.colorspace == _UNSPECIFIED
     high = min(picture.width, picture.height) >= _HIGH_DEFINITION

@@ -97,13 +97,7 @@ def add(subparsers: Any) -> None:
 
 
 def _splits(options: argparse.Namespace) -> list[Split]:
-    """Return the split that is asked for, or all splits whose rendering was begun.
-
-    A split that is not complete is included: `verify` reports it.
-
-    Raises:
-        ValueError: if no split was begun.
-    """
+    """Return the split that is asked for, or all whose rendering was begun, complete or not."""
     if options.split is not None:
         return [Split(options.corpus, options.split)]
     every = [Split(options.corpus, name) for name in SPLITS]

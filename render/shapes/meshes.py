@@ -145,9 +145,6 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
 
     Normals that the file does not give are NaN. A vertex that is NaN replaces those that a face
     names and the file does not have.
-
-    Raises:
-        ValueError: if the file requires what is not read, or fewer faces are read than it holds.
     """
     content, kind = path.read_bytes(), path.suffix.lower()
     if kind == ".glb":
