@@ -4,8 +4,6 @@ import dataclasses
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import keras
@@ -463,15 +461,3 @@ def test_runs_of_one_name_are_named_after_their_parents(tmp_path):
     for same in ([runs[0], runs[0]], [runs[0], tmp_path / "c" / "a" / "live"]):
         with pytest.raises(ValueError, match="rename a folder of"):
             sections.names(same)
-
-
-def test_help_is_complete_and_imports_no_tensorflow():
-    code = (
-        "import sys\nfrom lime_keras.eval import cli\n"
-        "try:\n    cli.main(['--help'])\nexcept SystemExit as stop:\n"
-        "    sys.exit(stop.code or bool({'tensorflow', 'matplotlib', 'keras'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    for word in ("CORPUS", "--weights", "--out", "examples:", "evaluate.md", "Exit status"):
-        assert word in done.stdout
