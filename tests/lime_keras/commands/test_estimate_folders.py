@@ -79,11 +79,6 @@ def test_a_second_command_is_refused_while_one_writes_there(folder, tmp_path, ca
     assert run(folder, out=out) == 0
 
 
-def test_what_is_missing_counts_as_failed(folder, tmp_path, capsys):
-    assert run(folder / "a.png", folder / "not there.png", out=tmp_path / "out") == 1
-    assert "1 done, 1 failed, 0 without an object" in capsys.readouterr().err
-
-
 def test_what_is_there_is_not_made_again(folder, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(folder, out=out) == 0
