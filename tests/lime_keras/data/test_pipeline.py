@@ -317,8 +317,3 @@ def test_a_manifest_without_a_checksum_for_each_shard_is_named(tmp_path):
     path.write_text(json.dumps(held | {"sha256": held["sha256"][:1]}), encoding="utf-8")
     with pytest.raises(ValueError, match=r"manifest\.json names 2 shards with 1 checksums"):
         pipeline.training_shards(tmp_path)
-
-
-def test_an_incomplete_corpus_is_refused(tmp_path):
-    with pytest.raises(FileNotFoundError, match="lime-render"):
-        pipeline.training_shards(tmp_path)
