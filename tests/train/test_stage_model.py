@@ -10,7 +10,6 @@ from sphere_corpus import write_split
 
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
-from lime_keras.losses import squared
 from lime_keras.metrics import masked_relative_error
 from lime_keras.networks import Architecture, build, subnetwork_names
 from lime_keras.optics import shading
@@ -325,11 +324,6 @@ def test_extreme_batches_have_finite_loss_and_gradients(extreme, loss_and_gradie
     assert np.isfinite(loss)
     for gradient in gradients:
         assert np.all(np.abs(gradient) < LARGEST_GRADIENT)
-
-
-def test_the_mask_loss_counts_the_background_too():
-    mask = np.zeros((1, 4, 4, 1), np.float32)
-    assert squared(mask, mask + 1.0)[0] == 1.0
 
 
 LINEAR = dataclasses.replace(SMALL, linear=True, mask_contrast=False)
