@@ -21,9 +21,8 @@ def stage_names(preset, **changes):
     return [stage.name for stage in stages]
 
 
-def test_the_papers_schedule_is_the_papers():
-    stages = SCHEDULES["paper"].stages(PAPER)
-    assert [stage.name for stage in stages] == [
+def test_the_papers_stages_are_in_the_order_of_its_text():
+    assert stage_names("paper") == [
         "segmentation",
         "specular",
         "mirror",
@@ -33,11 +32,6 @@ def test_the_papers_schedule_is_the_papers():
         "specular+mirror+exponent",
         "specular+mirror+exponent+albedo",
     ]
-    assert [stage.steps for stage in stages] == [100_000] * 5 + [15_000] * 3
-    assert {stage.learning_rate for stage in stages[5:]} == {1e-4}
-    assert SCHEDULES["paper"].batch_size == 32
-    assert not SCHEDULES["paper"].cosine
-    assert {stage.optimizer for stage in stages} == {"adam"}
 
 
 @pytest.mark.parametrize("preset", ["nano", "live"])
