@@ -15,7 +15,7 @@ from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.networks import PRESETS, build
 from lime_keras.networks.registry import is_plain
-from lime_keras.optics import colour, shading, shininess
+from lime_keras.optics import colour, shininess
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 from lime_keras.train import cli, trainer
 from lime_keras.train.config import Config, corpus_sha256
@@ -232,19 +232,6 @@ def test_the_networks_are_those_of_section_5(subnetworks):
     assert PAPER.mirror and PAPER.exponent == "classification" and PAPER.size == 256
     # No contrast of the mask, and S and M in linear radiance.
     assert all(is_plain(subnetworks[name]) for name in ("segmentation", "specular", "mirror"))
-
-
-def test_the_exponent_has_eight_bins_of_one_width():
-    assert shininess.BIN_COUNT == 8
-    np.testing.assert_allclose(np.diff(shininess.LOG_EDGES), 0.375)
-
-
-def test_s_of_the_printed_lobe_is_eq_3_up_to_the_lights_scale():
-    """Both Eq. 2 and Eq. 3 without a normaliser, under a light 1/π as bright."""
-    assert shading.lobe_factor(0.0, "printed") * shading.normaliser(0.0) == pytest.approx(1 / np.pi)
-    assert shading.lobe_factor(500.0, "printed") * shading.normaliser(500.0) == pytest.approx(
-        1 / np.pi
-    )
 
 
 @pytest.fixture(scope="module")
