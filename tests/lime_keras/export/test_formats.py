@@ -9,13 +9,12 @@ import onnxruntime
 import pytest
 import tensorflow as tf
 from onnx import numpy_helper
-from whole_engines import File, Network
 
 from lime_keras.export import exporter, formats, parity
 from lime_keras.model import weights
 from lime_keras.networks import assemble
 from lime_keras.runtime.saved_model import CARD as CARD_PATH
-from lime_keras.runtime.saved_model import SERVED, SavedModel
+from lime_keras.runtime.saved_model import SERVED
 
 CARD = {"version": "1.2", "preset": None, "bins": [1.0, 2.5], "outputs": {"mask": "share"}}
 NEEDED = {
@@ -110,16 +109,6 @@ def test_what_tensorflow_serving_reads_is_there(saved_model, subnetworks):
                 np.testing.assert_allclose(value, expected[output], rtol=1e-4, atol=1e-5)
 
 
-def test_a_saved_model_answers_one_image_and_several(tiny_export, subnetworks):
-    images = parity.images(32)
-    expected = parity.predictions(Network(assemble(subnetworks)), images)
-    engine = SavedModel(exporter.target(tiny_export("savedmodel")[0], "savedmodel"))
-    for outputs in (engine.outputs, *([name] for name in engine.outputs)):
-        found = parity.predictions(engine, images, outputs)
-        alone = {output: expected[output] for output in outputs}
-        assert max(parity.check(alone, found, "float32").values()) < 1e-4, outputs
-
-
 def test_the_description_lies_in_a_saved_models_extra_assets(saved_model):
     text = (saved_model / "assets.extra" / "lime.json").read_text(encoding="utf-8")
     assert json.loads(text) == CARD
@@ -138,13 +127,6 @@ def test_an_onnx_file_names_its_tensors_and_the_batch(onnx_file):
         "specular_albedo": ["batch", 1],
         "exponent_bin_probabilities": ["batch", 8],
     }
-
-
-def test_an_onnx_file_answers_one_image_and_several(onnx_file, subnetworks):
-    images = parity.images(32)
-    expected = parity.predictions(Network(assemble(subnetworks)), images)
-    found = parity.predictions(File(onnx_file), images)
-    assert max(parity.check(expected, found, "float32").values()) < 1e-4
 
 
 def test_the_description_is_an_onnx_files_properties(onnx_file):
