@@ -390,10 +390,14 @@ def test_a_masker_takes_the_place_of_segmentation(tiny_model):
 
 
 @pytest.mark.parametrize(
-    "shape", [(), (3,), (8, 8), (8, 8, 1), (8, 8, 4), (1, 8, 8, 3), (0, 8, 3), (8, 0, 3), (0, 0, 3)]
+    "shape",
+    [
+        *((), (3,), (8, 8), (8, 8, 1), (8, 8, 4), (3, 8, 8), (1, 8, 8, 3)),
+        *((0, 8, 3), (8, 0, 3), (0, 0, 3)),
+    ],
 )
 def test_a_wrong_shape_is_refused(shape, estimator):
-    with pytest.raises(ValueError, match=r"shape \(H, W, 3\), got"):
+    with pytest.raises(ValueError, match=r"\(H, W, 3\), got .* grey channel .* as the mask"):
         estimator.estimate(np.zeros(shape))
 
 

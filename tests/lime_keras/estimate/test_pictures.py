@@ -133,14 +133,6 @@ def test_sixteen_bits_are_never_guessed(level):
 
 
 @pytest.mark.parametrize(
-    "values", [EIGHT[..., 0], EIGHT[..., :1], LEVELS, EIGHT.transpose(2, 0, 1)]
-)
-def test_other_channels_are_refused_with_the_remedy(values):
-    with pytest.raises(ValueError, match=r"\(H, W, 3\), got .* grey channel .* as the mask"):
-        photo_of(values)
-
-
-@pytest.mark.parametrize(
     "values", [None, object(), EIGHT * 1j, [["a"]], [[1, 2], [3]], {"photo": 1}]
 )
 def test_what_is_no_picture_is_refused(values):
