@@ -114,7 +114,8 @@ def test_constant_answers_beat_every_other_constant():
 def test_the_interval_is_that_of_the_normal_limit():
     rng = np.random.default_rng(1)
     error = rng.exponential(size=4000)
-    columns = {name: np.ones(4000) for name in _needed()} | {"log_error": error}
+    names = ("exact", "adjacent", "within_one", *four().rows)
+    columns = {name: np.ones(4000) for name in names} | {"log_error": error}
     low, high = measures.ends(measures.resampled(columns))["log_exponent_mae"]
     half = 1.96 * np.std(error) / math.sqrt(4000)
     assert low == pytest.approx(np.mean(error) - half, abs=half / 5)
@@ -213,8 +214,3 @@ def test_the_system_is_named():
     assert measures.summarise(whole)["system"] == "LIME"
     alone = dataclasses.replace(whole, architecture=dataclasses.replace(LIME, mirror=False))
     assert measures.summarise(alone)["system"] == "LIME without MirrorNet"
-
-
-def _needed():
-    rows = four().rows
-    return ["exact", "adjacent", "within_one", *rows]
