@@ -154,12 +154,6 @@ def test_a_missing_file_is_named(name, model):
         weights.load(model)
 
 
-def test_a_folder_that_holds_nothing_or_is_not_there(tmp_path):
-    for folder in (tmp_path, tmp_path / "none"):
-        with pytest.raises(FileNotFoundError, match=r"architecture\.json is missing"):
-            weights.load(folder)
-
-
 @pytest.mark.parametrize("name", FILES[1:])
 @pytest.mark.parametrize("kept", [0, -500])
 def test_a_file_cut_off_is_named(name, kept, model):
