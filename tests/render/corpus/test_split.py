@@ -25,7 +25,7 @@ from lime_keras.render.corpus.worker import sources_of
 from lime_keras.render.inspect import verification
 from lime_keras.render.jobs import inputs as split_inputs
 from lime_keras.render.jobs import processes, resuming
-from lime_keras.render.jobs.description import Description, Job
+from lime_keras.render.jobs.description import Job
 
 
 @pytest.fixture(autouse=True)
@@ -218,7 +218,7 @@ def test_other_options_in_the_same_folder_are_refused(
 ):
     out = rendered[0]
     before = contents(out)
-    other = Description(**(vars(description) | changes))
+    other = dataclasses.replace(description, **changes)
     with pytest.raises(ValueError, match=f"holds another split: {message}"):
         render(out, other, mitsuba_choice)
     assert contents(out) == before
@@ -294,8 +294,7 @@ def test_files_that_moved_to_the_other_split_are_refused(
     shutil.copy(inputs / "shapes" / "ball.ply", moved / "train")
     out = tmp_path / "corpus"
     shutil.copytree(rendered[0], out)
-    changes = {"split": "test", "shapes": str(moved)}
-    other = Description(**(vars(description) | changes))
+    other = dataclasses.replace(description, split="test", shapes=str(moved))
     with pytest.raises(ValueError, match=r"copy of .* has the contents of .*the train split"):
         render(out, other, mitsuba_choice)
     # While that split is being rendered, too: it has no manifest yet.
@@ -317,7 +316,7 @@ def test_files_of_one_name_may_differ_between_the_splits(
     out = tmp_path / "corpus"
     shutil.copytree(rendered[0], out)
     changes = {"split": "test", "shapes": str(sorted_by_hand), "count": 1}
-    other = Description(**(vars(description) | changes))
+    other = dataclasses.replace(description, **changes)
     manifest = render(out, other, mitsuba_choice)
     assert manifest["shapes"] == [name]
     assert manifest["inputs"]["shapes"][name] != rendered[1]["inputs"]["shapes"][name]
@@ -331,7 +330,7 @@ def varied(rendered, description, mitsuba_choice, tmp_path_factory):
     """
     out = tmp_path_factory.mktemp("varied")
     changes = {"light_law": "mixed", "endless": 1.0, "shard_size": 8, "count": 10}
-    more = Description(**(vars(description) | changes))
+    more = dataclasses.replace(description, **changes)
     sources, folder = sources_of(Job(out, more, mitsuba_choice)), more.folder("environments")
     sources.rooms.mkdir(parents=True)
     for name in sources.room_names:
@@ -381,8 +380,8 @@ def under_known_lights(rendered, description, mitsuba_choice, tmp_path_factory):
     """The corpus with a test split of the other shape under the lights of its train split."""
     out = tmp_path_factory.mktemp("known") / "corpus"
     shutil.copytree(rendered[0], out)
-    changes = {"split": "test", "light_split": "train", "count": 3}
-    manifest = render(out, Description(**(vars(description) | changes)), mitsuba_choice)
+    known = dataclasses.replace(description, split="test", light_split="train", count=3)
+    manifest = render(out, known, mitsuba_choice)
     return out, manifest
 
 
@@ -431,7 +430,7 @@ def test_other_lights_than_the_train_splits_are_refused_as_known_ones(
         begun / "train" / "inputs.json", {"shapes": [], "environments": [], "backgrounds": []}
     )
     for changes in ({"light_count": 44}, {"light_count": 45, "seed": 1}):
-        other = Description(**(vars(description) | built_in | changes))
+        other = dataclasses.replace(description, **built_in, **changes)
         with pytest.raises(ValueError, match="the same --seed and --light-count"):
             render(begun, other, mitsuba_choice)
 
@@ -439,7 +438,7 @@ def test_other_lights_than_the_train_splits_are_refused_as_known_ones(
 def test_known_lights_of_a_test_split_are_the_rooms_of_the_train_split(description, tmp_path):
     built_in = {"environments": None, "shapes": None, "shape_count": 5, "light_count": 45}
     jobs = [
-        Job(tmp_path, Description(**(vars(description) | built_in | changes)), None)
+        Job(tmp_path, dataclasses.replace(description, **built_in, **changes), None)
         for changes in ({}, {"split": "test", "light_split": "train"})
     ]
     train, test = map(sources_of, jobs)
@@ -472,7 +471,7 @@ def test_files_that_come_while_it_renders_change_no_byte_and_are_told(
         if done == 2:
             shutil.copy(inputs / "shapes" / names[0], grown / "shapes" / "train" / "aaa.ply")
 
-    grown_description = Description(**(vars(description) | changes))
+    grown_description = dataclasses.replace(description, **changes)
     with pytest.raises(ValueError, match=r"aaa\.ply came or went"):
         render(tmp_path / "out", grown_description, mitsuba_choice, on_example=another_comes)
     assert contents(tmp_path / "out") == contents(rendered[0])
