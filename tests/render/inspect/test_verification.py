@@ -67,10 +67,8 @@ def edit(path, **changes):
 
 def rewrite(corpus, records_of_shard_1):
     """Put other records, with their checksums, into the second shard: only they are wrong."""
-    digest = sphere_corpus.write_shard(corpus / "train", 1, records_of_shard_1)
-    manifest = corpus / "train" / "manifest.json"
-    first = json.loads(manifest.read_text(encoding="utf-8"))["sha256"][0]
-    edit(manifest, sha256=[first, digest])
+    sphere_corpus.write_shard(corpus / "train", 1, records_of_shard_1)
+    sphere_corpus.record_checksums(corpus / "train")
 
 
 def test_a_sound_corpus_has_no_fault(sound):
@@ -109,12 +107,8 @@ def test_the_printed_lobe_is_judged_by_eq_3_as_printed(corpus, examples):
     # m_s of a sharp lobe is far above 1 in the paper's unit, and no record of `lime-render` is.
     printed = [dark(example) if example["specular_albedo"] > 1 else example for example in printed]
     for shard, indices in enumerate(SHARDS):
-        chosen = [printed[index] for index in indices]
-        digest = sphere_corpus.write_shard(corpus / "train", shard, chosen)
-        manifest = corpus / "train" / "manifest.json"
-        digests = json.loads(manifest.read_text(encoding="utf-8"))["sha256"]
-        digests[shard] = digest
-        edit(manifest, sha256=digests)
+        sphere_corpus.write_shard(corpus / "train", shard, [printed[index] for index in indices])
+    sphere_corpus.record_checksums(corpus / "train")
     relabelled(corpus, "printed")
     assert verify(corpus) == []
     relabelled(corpus, "furnace")
