@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 import tensorflow as tf
-from sphere_corpus import COMPOSED, example
+from sphere_corpus import COMPOSED, composed, example
 
 from lime_keras import losses
 from lime_keras.data import camera, records
 from lime_keras.optics import camera_law, colour
-from lime_keras.optics.compositing import compose
 from lime_keras.optics.dynamic_range import compress
 
 SIZE = 64
@@ -39,17 +38,6 @@ def exposure(found, scene):
     return float(found["ambient"] / scene["ambient"])
 
 
-def recomposed(found):
-    """Eq. 4 from an example's own layers, `(S, S, 3)`."""
-    return compose(
-        found["diffuse_albedo"],
-        found["specular_albedo"],
-        found["ambient"],
-        found["diffuse_shading"][None],
-        found["specular_shading"][None],
-    )[0]
-
-
 def flat(radiance, size=SIZE):
     """A scene without an object, of one radiance all over; a grey 8-bit level if below 1."""
     image = np.full((size, size, 3), colour.linear_to_srgb(min(radiance, 1.0)), np.float32)
@@ -64,7 +52,7 @@ def flat(radiance, size=SIZE):
 def test_the_photo_is_eq_4_of_its_own_layers(sphere, perfect, seed):
     found = photo(sphere, seed)
     inside = sphere["mask"][..., 0] == 1
-    radiance = recomposed(found)[inside]
+    radiance = composed(found)[inside]
     level = colour.linear_to_srgb(np.minimum(radiance, 1))
     # Half a level of the stored image, up to half a stop brighter, and half one of the photo.
     np.testing.assert_allclose(found["image"][inside], level, atol=1.3 / 255)

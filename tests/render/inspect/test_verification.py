@@ -13,7 +13,6 @@ import tensorflow as tf
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
 from lime_keras.optics import colour, shading
-from lime_keras.optics.compositing import compose
 from lime_keras.render.inspect import verification
 
 SHARDS = [range(3), range(3, 5)]
@@ -252,13 +251,7 @@ def test_a_half_covered_pixel_lies_between_its_share_and_that_over_white(
 ):
     example = examples[4] | {"specular_albedo": 0.0}
     example["diffuse_shading"] = example["diffuse_shading"] * brightness
-    composed = compose(
-        example["diffuse_albedo"],
-        np.float64(0),
-        np.float64(example["ambient"]),
-        example["diffuse_shading"][None],
-        example["specular_shading"][None],
-    )[0]
+    composed = sphere_corpus.composed(example)
     coverage = example["mask"] * 128 / 255
 
     def over(background):

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from render_scenes import photographed, sphere
+from sphere_corpus import composed
 
 from lime_keras.data import records
 from lime_keras.data.corpus import LOBES
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.blinn_phong import BlinnPhong
-from lime_keras.optics.compositing import compose
 from lime_keras.render.scene import gbuffer, lights, sampling
 from lime_keras.render.scene.example import render
 from lime_keras.render.scene.quality import QUALITIES
@@ -52,18 +52,8 @@ def example(tracer, light, turn):
     return parsed(tracer, light, turn)
 
 
-def radiance(example):
-    return compose(
-        example["diffuse_albedo"],
-        example["specular_albedo"],
-        example["ambient"],
-        example["diffuse_shading"][None],
-        example["specular_shading"][None],
-    )[0]
-
-
 def recomposed(example):
-    return colour.linear_to_srgb(np.clip(radiance(example), 0, 1))
+    return colour.linear_to_srgb(np.clip(composed(example), 0, 1))
 
 
 @pytest.mark.parametrize("lobe", LOBES)
@@ -91,7 +81,7 @@ def test_the_edge_mixes_linear_light_and_the_sensor_clips_the_mixture(
     example = parsed(tracer, light, turn, material)
     mask = example["mask"]
     edge = (mask[..., 0] > 0) & (mask[..., 0] < 1)
-    inside = radiance(example)
+    inside = composed(example)
     assert (inside[edge] > 1).mean() > 0.02  # some are bright enough to outshine the background
     expected = mask * inside + (1 - mask) * colour.srgb_to_linear(BACKGROUND)
     expected = colour.linear_to_srgb(np.clip(expected, 0, 1))

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import tensorflow as tf
-from sphere_corpus import example
+from sphere_corpus import composed, example
 
 from lime_keras.data import camera, records
 from lime_keras.optics import colour, material_law
-from lime_keras.optics.compositing import compose
 from lime_keras.train.photos.radiance import repaint, scene
 
 SIZE = 48
@@ -24,17 +23,6 @@ def lit(stored, seed=0, materials=()):
     """The scene of an example that is stored, as NumPy arrays."""
     found = scene(records.encode(stored), tf.constant([seed, 1]), FEATURES, materials)
     return {name: value.numpy() for name, value in found.items()}
-
-
-def composed(example):
-    """Eq. 4 from an example's own layers, `(S, S, 3)`, not clipped."""
-    return compose(
-        np.asarray(example["diffuse_albedo"]),
-        np.asarray(example["specular_albedo"]),
-        np.asarray(example["ambient"]),
-        np.asarray(example["diffuse_shading"])[None],
-        np.asarray(example["specular_shading"])[None],
-    )[0]
 
 
 def covering(coverage, background=0.3):
