@@ -312,12 +312,10 @@ def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
     """The record's checksum is right, so only decoding finds it."""
     shutil.copytree(corpus, tmp_path / "corpus")
     shard = tmp_path / "corpus" / "test" / "00001.tfrecord"
-    stored = [serialized.numpy() for serialized in tf.data.TFRecordDataset(str(shard))]
+    stored = sphere_corpus.stored(shard)
     message = tf.train.Example.FromString(stored[1])
     message.features.feature["mirror"].bytes_list.value[:] = [b"no picture"]
-    with tf.io.TFRecordWriter(str(shard)) as writer:
-        for serialized in (stored[0], message.SerializeToString(), stored[2]):
-            writer.write(serialized)
+    sphere_corpus.store(shard, [stored[0], message.SerializeToString(), stored[2]])
     sphere_corpus.record_checksums(shard.parent)
     line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
     assert f"{shard} is broken: record 1" in line and "lime-render" in line

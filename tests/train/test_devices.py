@@ -6,8 +6,7 @@ import json
 import numpy as np
 import pytest
 import stage_runs
-import tensorflow as tf
-from sphere_corpus import record_checksums, write_split
+from sphere_corpus import alter, write_split
 
 from lime_keras.train import trainer
 from lime_keras.train.devices import Devices
@@ -19,15 +18,7 @@ def corpora(tmp_path_factory):
     folder = tmp_path_factory.mktemp("corpora")
     write_split(folder / "corpus", "train", [range(8), range(8, 13)], size=32)
     write_split(folder / "broken", "train", [range(8), range(8, 13)], size=32)
-    path = folder / "broken" / "train" / "00000.tfrecord"
-    examples = [
-        tf.train.Example.FromString(one.numpy()) for one in tf.data.TFRecordDataset(str(path))
-    ]
-    examples[3].features.feature["ambient"].float_list.value[:] = [3e38]
-    with tf.io.TFRecordWriter(str(path)) as writer:
-        for example in examples:
-            writer.write(example.SerializeToString())
-    record_checksums(folder / "broken" / "train")
+    alter(folder / "broken" / "train", 3, "ambient", 3e38)
     return folder
 
 

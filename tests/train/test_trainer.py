@@ -13,7 +13,7 @@ import pytest
 import stage_runs
 import tensorflow as tf
 from PIL import Image
-from sphere_corpus import record_checksums, write_split
+from sphere_corpus import alter, stored, write_split
 
 from lime_keras import metrics, networks
 from lime_keras.data import pipeline
@@ -596,22 +596,14 @@ def test_only_what_differs_is_trained(corpus, config, finished, tmp_path, change
 def _altered(corpus, folder, row, feature, value):
     """A copy of a corpus with another number in an example of its first shard."""
     shutil.copytree(corpus, folder)
-    path = folder / "train" / "00000.tfrecord"
-    examples = [
-        tf.train.Example.FromString(one.numpy()) for one in tf.data.TFRecordDataset(str(path))
-    ]
-    examples[row].features.feature[feature].float_list.value[:] = [value]
-    with tf.io.TFRecordWriter(str(path)) as writer:
-        for example in examples:
-            writer.write(example.SerializeToString())
-    record_checksums(folder / "train")
+    alter(folder / "train", row, feature, value)
     return folder
 
 
 def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
     """Its numbers are finite, but what comes of them is not."""
     broken = _altered(corpus, tmp_path / "corpus", 3, "ambient", 3e38)
-    third = list(tf.data.TFRecordDataset(str(broken / "train" / "00000.tfrecord")))[3].numpy()
+    third = stored(broken / "train" / "00000.tfrecord")[3]
     features = tf.train.Example.FromString(third).features.feature
     seed, index = (features[name].int64_list.value[0] for name in ("seed", "index"))
     expected = (

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import tensorflow as tf
-from sphere_corpus import example, write_split
+from sphere_corpus import example, store, stored, write_split
 
 from lime_keras.data import camera, pipeline, records
 from lime_keras.data.corpus import Split
@@ -16,23 +16,16 @@ COUNT = 12
 HALF = 2.0**-11  # rounding of a half float below 1, which normals of the stored size keep
 
 
-def write_shard(path, examples):
-    with tf.io.TFRecordWriter(str(path)) as writer:
-        for features in examples:
-            writer.write(records.encode(features))
-    return path
-
-
 @pytest.fixture(scope="module")
 def shards(tmp_path_factory):
     """Three shards of four examples."""
     folder = tmp_path_factory.mktemp("corpus")
     return [
-        write_shard(
-            folder / f"{shard:05d}.tfrecord",
-            [example(index, size=SIZE) for index in range(4 * shard, 4 * shard + 4)],
+        store(
+            folder / f"{first // 4:05d}.tfrecord",
+            [records.encode(example(index, size=SIZE)) for index in range(first, first + 4)],
         )
-        for shard in range(3)
+        for first in (0, 4, 8)
     ]
 
 
@@ -50,10 +43,7 @@ def test_a_number_that_is_not_finite_is_located(name, value, with_camera, tmp_pa
         feature.bytes_list.value[0] = tf.io.encode_png(bits).numpy()
     else:
         feature.float_list.value[-1] = value
-    path = tmp_path / "00000.tfrecord"
-    with tf.io.TFRecordWriter(str(path)) as writer:
-        writer.write(sound)
-        writer.write(message.SerializeToString())
+    path = store(tmp_path / "00000.tfrecord", [sound, message.SerializeToString()])
     batches = pipeline.evaluation(
         [path], size=SIZE, batch_size=1, camera=with_camera, features=(name,)
     )
@@ -118,7 +108,8 @@ def test_classes_agree_with_bin_of_at_the_edges(tmp_path):
     further = [[0, 1e-30, 0.5, 1e6, 1e30], 10.0**shininess.LOG_MEANS]
     exponents = np.concatenate([*near, *further]).astype(np.float32)
     sphere = example(0, size=4)
-    path = write_shard(tmp_path / "s.tfrecord", [sphere | {"shininess": s} for s in exponents])
+    spheres = (sphere | {"shininess": s} for s in exponents)
+    path = store(tmp_path / "s.tfrecord", map(records.encode, spheres))
     [batch] = pipeline.evaluation([path], size=4, batch_size=len(exponents))
     assert batch["exponent_bin"].dtype == tf.int32
     np.testing.assert_array_equal(batch["exponent_bin"], shininess.bin_of(exponents))
@@ -201,31 +192,15 @@ def test_sizes_that_do_not_divide_are_refused(rough, shards, size):
 # Files.
 
 
-def break_png(path, number, name):
-    """Write a shard anew, whole, with a picture of one record broken."""
-    stored = [s.numpy() for s in tf.data.TFRecordDataset(str(path))]
-    message = tf.train.Example.FromString(stored[number])
-    pngs = message.features.feature[name].bytes_list.value
+def with_half_a_picture(record):
+    message = tf.train.Example.FromString(record)
+    pngs = message.features.feature["image"].bytes_list.value
     pngs[-1] = pngs[-1][: len(pngs[-1]) // 2]
-    stored[number] = message.SerializeToString()
-    with tf.io.TFRecordWriter(str(path)) as writer:
-        for serialized in stored:
-            writer.write(serialized)
+    return message.SerializeToString()
 
 
-def break_message(path, number):
-    """Write a shard anew, whole, with a record that is no example, and whose bytes are no text."""
-    stored = [s.numpy() for s in tf.data.TFRecordDataset(str(path))]
-    stored[number] = b"\xb6\x94" * 40
-    with tf.io.TFRecordWriter(str(path)) as writer:
-        for serialized in stored:
-            writer.write(serialized)
-
-
-DAMAGES = {
-    "message": lambda path: break_message(path, 2),
-    "image": lambda path: break_png(path, 2, "image"),
-}
+DAMAGES = {"message": lambda record: b"\xb6\x94" * 40, "image": with_half_a_picture}
+"""Of a record: no example, and bytes that are no text; or a broken picture."""
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
@@ -234,7 +209,9 @@ def test_damage_names_the_file_the_record_and_the_mend(shards, tmp_path, damage)
     copies, found = [tmp_path / path.name for path in shards], []
     for path, copy in zip(shards, copies, strict=True):
         copy.write_bytes(path.read_bytes())
-    DAMAGES[damage](copies[1])
+    held = stored(copies[1])
+    held[2] = DAMAGES[damage](held[2])
+    store(copies[1], held)
     expected = r"00001\.tfrecord is broken: record 2 .*delete the file and its \.json.*lime-render"
     batches = pipeline.evaluation(copies, size=8, batch_size=3)
     with pytest.raises(ValueError, match=expected) as raised:
@@ -299,11 +276,8 @@ def test_a_shard_that_is_not_the_manifests_is_named(change, tmp_path):
     write_split(tmp_path, "train", [range(3), range(3, 6)], size=8)
     paths = [tmp_path / "train" / f"0000{shard}.tfrecord" for shard in (0, 1)]
     assert pipeline.verified_shards(Split(tmp_path, "train")) == paths
-    held = [[one.numpy() for one in tf.data.TFRecordDataset(str(path))] for path in paths]
-    for path, stored in zip(paths, change(*held), strict=True):
-        with tf.io.TFRecordWriter(str(path)) as writer:
-            for one in stored:
-                writer.write(one)
+    for path, held in zip(paths, change(*map(stored, paths)), strict=True):
+        store(path, held)
     with pytest.raises(
         ValueError, match=r"00000\.tfrecord is not the shard of manifest\.json.*delete"
     ):

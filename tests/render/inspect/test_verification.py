@@ -8,7 +8,6 @@ from collections import Counter
 import numpy as np
 import pytest
 import sphere_corpus
-import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
@@ -294,9 +293,7 @@ def test_a_flipped_byte_is_told(corpus):
 @pytest.mark.parametrize("content", [b"no example", b"\xb6\x94" * 40])
 def test_a_record_that_is_none_is_told_and_the_next_are_checked(content, corpus, examples):
     path = Split(corpus, "train").shard_path(1)
-    with tf.io.TFRecordWriter(str(path)) as writer:
-        writer.write(content)
-        writer.write(records.encode(examples[4] | {"seed": 9}))
+    sphere_corpus.store(path, [content, records.encode(examples[4] | {"seed": 9})])
     faults = verify(corpus)
     assert kinds(faults) == {"sha256": 2, "record": 1, "seed": 1}
     assert "record 0: cannot be decoded" in str(faults)
