@@ -243,35 +243,18 @@ def test_one_shard_cannot_be_split(tmp_path):
         pipeline.training_shards(tmp_path)
 
 
-def _emptied(stored, other):
-    return [], other
+CHANGES = {
+    "emptied": lambda one, other: ([], other),
+    "cut": lambda one, other: ([one[0], one[1][:20], *one[2:]], other),
+    "removed": lambda one, other: (one[:1] + one[2:], other),
+    "repeated": lambda one, other: ([*one, one[0]], other),
+    "in another order": lambda one, other: (one[::-1], other),
+    "exchanged": lambda one, other: ([other[0], *one[1:]], [one[0], *other[1:]]),
+}
+"""Of the records of two shards."""
 
 
-def _cut(stored, other):
-    return [stored[0], stored[1][:20], *stored[2:]], other
-
-
-def _removed(stored, other):
-    return stored[:1] + stored[2:], other
-
-
-def _repeated(stored, other):
-    return [*stored, stored[0]], other
-
-
-def _in_another_order(stored, other):
-    return stored[::-1], other
-
-
-def _exchanged(stored, other):
-    return [other[0], *stored[1:]], [stored[0], *other[1:]]
-
-
-@pytest.mark.parametrize(
-    "change",
-    [_emptied, _cut, _removed, _repeated, _in_another_order, _exchanged],
-    ids=lambda f: f.__name__,
-)
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_a_shard_that_is_not_the_manifests_is_named(change, tmp_path):
     write_split(tmp_path, "train", [range(3), range(3, 6)], size=8)
     paths = [tmp_path / "train" / f"0000{shard}.tfrecord" for shard in (0, 1)]
