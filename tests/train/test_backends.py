@@ -1,6 +1,5 @@
 """Under JAX the same weights answer and learn the same as under TensorFlow."""
 
-import csv
 import json
 
 import keras
@@ -130,18 +129,14 @@ def test_a_run_begun_under_tensorflow_is_carried_on(exchanged):
     """With the same batches and nearly the same weights, and the record of where it began."""
     told = json.loads((exchanged / "carried-on.json").read_text(encoding="utf-8"))
     assert told == [1, 2, 3]
-    assert [row["step"] for row in _rows(exchanged / "begun")] == ["0", "1", "2", "3"]
+    begun, unbroken = (
+        stage_runs.curve(exchanged / run, "specular") for run in ("begun", "unbroken")
+    )
+    assert [row["step"] for row in begun] == ["0", "1", "2", "3"]
     # Between checkpoint and end the two differ by rounding, which Adam may make a whole step.
-    for row, expected in zip(
-        _rows(exchanged / "begun"), _rows(exchanged / "unbroken"), strict=True
-    ):
+    for row, expected in zip(begun, unbroken, strict=True):
         for name in row.keys() - {"step", "seconds"}:
             if row[name]:
                 assert float(row[name]) == pytest.approx(float(expected[name]), rel=1e-4)
     record = json.loads((exchanged / "begun" / "config.json").read_text(encoding="utf-8"))
     assert record["backend"] == keras.backend.backend() == "tensorflow"
-
-
-def _rows(run):
-    with (run / "curves" / "2-specular.csv").open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))

@@ -1,6 +1,5 @@
 """A batch split between two devices trains as it does on one, under TensorFlow and JAX."""
 
-import csv
 import json
 
 import numpy as np
@@ -50,8 +49,7 @@ def _left(runs):
 
 
 def _curve(run):
-    with (run / "curves" / "4-albedo.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = stage_runs.curve(run, "albedo")
     return [{name: float(value or 0) for name, value in row.items()} for row in rows]
 
 

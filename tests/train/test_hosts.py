@@ -1,7 +1,5 @@
 """Two processes train one run, as one process does, and end together."""
 
-import csv
-
 import host_runs
 import keras
 import numpy as np
@@ -28,8 +26,7 @@ def _left(folder, name):
 
 
 def _curve(run):
-    with (run / "curves" / "5-exponent.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = stage_runs.curve(run, "exponent")
     return [{name: float(row[name] or 0) for name in row if name != "seconds"} for row in rows]
 
 

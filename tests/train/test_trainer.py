@@ -1,6 +1,5 @@
 """Runs: resumed exactly, refused where they differ, stopped where they break."""
 
-import csv
 import dataclasses
 import itertools
 import json
@@ -81,8 +80,7 @@ def test_a_run_leaves_a_model_and_its_curves(finished):
     curves = sorted(path.name for path in (finished / "curves").iterdir())
     assert curves[0] == "1-segmentation.csv"
     assert len(curves) == 8
-    with (finished / "curves" / curves[-1]).open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = stage_runs.curve(finished, "specular+mirror+exponent+albedo")
     assert [int(row["step"]) for row in rows] == [0, 1, 2, 3, 4]
     assert float(rows[-1]["train_compositing_printed"]) > 0
     assert float(rows[0]["validation_loss"]) > 0
@@ -96,8 +94,7 @@ def test_measures_are_pooled_over_the_validation_set(corpus, config, tmp_path):
     schedule = dataclasses.replace(BRIEF, validation_examples=3)
     more = dataclasses.replace(config, schedule=schedule)
     trainer.train([corpus], run, more, _ignore, only=["exponent"])
-    with (run / "curves" / "5-exponent.csv").open(encoding="utf-8") as file:
-        last = list(csv.DictReader(file))[-1]
+    last = stage_runs.curve(run, "exponent")[-1]
     network, left = networks.build(TINY)["exponent"], stage_runs.left(run, "exponent")
     network.set_weights([left[f"arr_{i}"] for i in range(len(network.weights))])
     shards = Split(corpus, "train").shard_paths()[1:]
@@ -200,10 +197,7 @@ def test_an_interrupted_stage_ends_with_the_same_weights(
         trainer.train([corpus], run, config, interrupt, only=[name])
     trainer.train([corpus], run, config, _ignore, only=[name])
     assert _same_stage(run, finished, name)
-    rows = []
-    for folder in (run, finished):
-        with (folder / "curves" / f"{number}-{name}.csv").open(encoding="utf-8") as file:
-            rows.append([row["step"] for row in csv.DictReader(file)])
+    rows = [[row["step"] for row in stage_runs.curve(one, name)] for one in (run, finished)]
     assert rows[0] == rows[1]
 
 
@@ -220,8 +214,7 @@ def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeyp
         lambda progress: seen.append(progress.losses.get("mask")),
         only=["segmentation"],
     )
-    with (tmp_path / "curves" / "1-segmentation.csv").open(encoding="utf-8") as file:
-        last = list(csv.DictReader(file))[-1]
+    last = stage_runs.curve(tmp_path, "segmentation")[-1]
     # What is told after each step is the mean so far; undo it to have each batch's loss.
     means = np.array(seen[1:], float)
     batches = np.diff(means * np.arange(1, 5), prepend=0)
@@ -641,10 +634,7 @@ def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, mon
     with pytest.raises(ValueError, match="camera True there, False asked"):
         trainer.train([corpus], finished, clean, _ignore)
     trainer.train([corpus], tmp_path, clean, _ignore, only=["specular"])
-    rows = []
-    for run in (tmp_path, finished):
-        with (run / "curves" / "2-specular.csv").open(encoding="utf-8") as file:
-            rows.append(list(csv.DictReader(file))[-1])
+    rows = [stage_runs.curve(run, "specular")[-1] for run in (tmp_path, finished)]
     # Training and validation photos are taken alike; exposure changes S itself.
     for losses in ("train_specular", "validation_specular"):
         assert rows[0][losses] != rows[1][losses]
