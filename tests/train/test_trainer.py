@@ -13,6 +13,7 @@ import stage_runs
 import tensorflow as tf
 from PIL import Image
 from sphere_corpus import alter, stored, write_split
+from stage_runs import ignore
 
 from lime_keras import metrics, networks
 from lime_keras.data import pipeline
@@ -50,12 +51,8 @@ def config(corpus):
 @pytest.fixture(scope="module")
 def finished(corpus, config, tmp_path_factory):
     run = tmp_path_factory.mktemp("finished")
-    trainer.train([corpus], run, config, _ignore)
+    trainer.train([corpus], run, config, ignore)
     return run
-
-
-def _ignore(progress):
-    pass
 
 
 def _of_options(corpus, run, *options):
@@ -93,7 +90,7 @@ def test_measures_are_pooled_over_the_validation_set(corpus, config, tmp_path):
     run = tmp_path / "run"
     schedule = dataclasses.replace(BRIEF, validation_examples=3)
     more = dataclasses.replace(config, schedule=schedule)
-    trainer.train([corpus], run, more, _ignore, only=["exponent"])
+    trainer.train([corpus], run, more, ignore, only=["exponent"])
     last = stage_runs.curve(run, "exponent")[-1]
     network, left = networks.build(TINY)["exponent"], stage_runs.left(run, "exponent")
     network.set_weights([left[f"arr_{i}"] for i in range(len(network.weights))])
@@ -167,7 +164,7 @@ def _begun(finished, run, config, before):
 def test_the_single_stages_of_a_run_make_a_model_of_their_own(corpus, config, finished, tmp_path):
     """Joined stages that are left out change nothing."""
     run = _begun(finished, tmp_path / "run", config, 6)
-    assert trainer.train([corpus], run, config, _ignore, only=["segmentation"]) == []
+    assert trainer.train([corpus], run, config, ignore, only=["segmentation"]) == []
     for name, network in weights.load(run)[1].items():
         left = stage_runs.left(finished, name)
         for index, values in enumerate(network.get_weights()):
@@ -195,7 +192,7 @@ def test_an_interrupted_stage_ends_with_the_same_weights(
 
     with pytest.raises(KeyboardInterrupt):
         trainer.train([corpus], run, config, interrupt, only=[name])
-    trainer.train([corpus], run, config, _ignore, only=[name])
+    trainer.train([corpus], run, config, ignore, only=[name])
     assert _same_stage(run, finished, name)
     rows = [[row["step"] for row in stage_runs.curve(one, name)] for one in (run, finished)]
     assert rows[0] == rows[1]
@@ -255,12 +252,12 @@ def test_corpora_are_learnt_from_together(corpus, config, tmp_path, nudged):
     ]
     validation = [int(seed) for batch in data.validation(["seed"]) for seed in batch["seed"]]
     assert validation.count(0) == validation.count(1) == 1
-    trainer.train([corpus, other], run, both, _ignore, only=["segmentation"])
+    trainer.train([corpus, other], run, both, ignore, only=["segmentation"])
     record = json.loads((run / "config.json").read_text(encoding="utf-8"))
     assert [one["path"] for one in record["corpora"]] == [str(corpus), str(other)]
     assert [one["description"]["seed"] for one in record["corpora"]] == [0, 1]
     with pytest.raises(ValueError, match="corpus_sha256"):
-        trainer.train([corpus], run, config, _ignore)
+        trainer.train([corpus], run, config, ignore)
 
 
 def test_a_finished_run_is_not_trained_again(corpus, config, finished):
@@ -274,7 +271,7 @@ def test_a_finished_run_is_not_trained_again(corpus, config, finished):
 @pytest.mark.slow
 def test_another_seed_gives_other_weights(corpus, config, finished, tmp_path):
     other = dataclasses.replace(config, seed=1)
-    trainer.train([corpus], tmp_path, other, _ignore, only=["exponent"])
+    trainer.train([corpus], tmp_path, other, ignore, only=["exponent"])
     assert not np.array_equal(
         stage_runs.left(tmp_path, "exponent")["arr_0"],
         stage_runs.left(finished, "exponent")["arr_0"],
@@ -310,7 +307,7 @@ def test_a_runs_config_is_read_back(config, finished, tmp_path):
 @pytest.mark.slow
 def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp_path):
     for only in (["mirror"], ["specular"], ["specular+mirror"]):
-        untrained = trainer.train([corpus], tmp_path, config, _ignore, only=only)
+        untrained = trainer.train([corpus], tmp_path, config, ignore, only=only)
         assert _same_stage(tmp_path, finished, *only)
     assert untrained == ["segmentation", "exponent", "albedo"]
     with pytest.raises(FileNotFoundError, match=r"segmentation.weights.h5 is missing"):
@@ -319,7 +316,7 @@ def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp
 
 def test_a_run_begins_with_what_another_has_trained_yet(corpus, config, tmp_path, nudged, capsys):
     some = tmp_path / "some"
-    untrained = trainer.train([corpus], some, config, _ignore, only=["specular", "segmentation"])
+    untrained = trainer.train([corpus], some, config, ignore, only=["specular", "segmentation"])
     assert untrained == ["mirror", "exponent", "albedo"]
     on = dataclasses.replace(config, begun_from=model_folder.digest(some))
     seen = _first_weights(corpus, tmp_path / "run", on, start_from=some)
@@ -338,7 +335,7 @@ def test_a_run_begins_with_what_another_has_trained_yet(corpus, config, tmp_path
     assert not all(map(np.array_equal, fresh, seen["segmentation"]))
     assert Config.read(tmp_path / "fresh") == but
     with pytest.raises(ValueError, match="fresh None there"):
-        trainer.train([corpus], tmp_path / "run", but, _ignore, start_from=some)
+        trainer.train([corpus], tmp_path / "run", but, ignore, start_from=some)
 
 
 @pytest.mark.parametrize(
@@ -349,30 +346,30 @@ def test_fresh_names_what_would_take_other_weights(
 ):
     on = dataclasses.replace(config, fresh=(fresh,))
     with pytest.raises(ValueError, match="--fresh is for --start-from: pass it, or leave"):
-        trainer.train([corpus], tmp_path / "run", on, _ignore)
+        trainer.train([corpus], tmp_path / "run", on, ignore)
     on = dataclasses.replace(
         on, begun_from=model_folder.digest(finished), frozen=None if words else (fresh,)
     )
     with pytest.raises(ValueError, match=words or "--freeze mirror: this run begins with a"):
-        trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=finished)
+        trainer.train([corpus], tmp_path / "run", on, ignore, start_from=finished)
 
 
 @pytest.mark.slow
 def test_joined_training_may_skip_the_single_stages(corpus, config, finished, tmp_path):
     name = "specular+mirror"
-    untrained = trainer.train([corpus], tmp_path, config, _ignore, only=[name])
+    untrained = trainer.train([corpus], tmp_path, config, ignore, only=[name])
     assert untrained == ["segmentation", "exponent", "albedo"]
     assert len(list((tmp_path / "stages").iterdir())) == 1
     assert not _same_stage(tmp_path, finished, name)
     # Trained from nothing, it does not follow from the stages that now come before it.
     expected = rf"6-{re.escape(name)}\.npz was trained from other weights.*delete it"
     with pytest.raises(ValueError, match=expected):
-        trainer.train([corpus], tmp_path, config, _ignore, reuse=finished)
+        trainer.train([corpus], tmp_path, config, ignore, reuse=finished)
 
 
 def test_an_unknown_stage_is_refused_with_those_there_are(corpus, config, tmp_path):
     with pytest.raises(ValueError, match=r"no stage speculative: this run has segmentation, spec"):
-        trainer.train([corpus], tmp_path, config, _ignore, only=["speculative"])
+        trainer.train([corpus], tmp_path, config, ignore, only=["speculative"])
     assert not (tmp_path / "config.json").exists()
 
 
@@ -391,7 +388,7 @@ def _first_weights(corpus, run, config, **options):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trainer, "StageTraining", look)
         with pytest.raises(KeyboardInterrupt):
-            trainer.train([corpus], run, config, _ignore, **options)
+            trainer.train([corpus], run, config, ignore, **options)
     return seen
 
 
@@ -407,8 +404,8 @@ def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_
     ):
         np.testing.assert_array_equal(found, expected)
     with pytest.raises(FileNotFoundError, match="began with another model: pass its --start-from"):
-        trainer.train([corpus], run, on, _ignore)
-    left = trainer.train([corpus], run, on, _ignore, only=["segmentation"], start_from=given)
+        trainer.train([corpus], run, on, ignore)
+    left = trainer.train([corpus], run, on, ignore, only=["segmentation"], start_from=given)
     assert left == []
     # What it does not train stays as it was.
     kept, before = _weights(run), _weights(finished)
@@ -437,13 +434,13 @@ def test_a_model_of_which_nothing_fits_is_refused(corpus, config, finished, tmp_
     digest = model_folder.digest(finished)
     on = dataclasses.replace(config, architecture=wider, begun_from=digest)
     with pytest.raises(ValueError, match=r"none of the subnetworks .* has the layers"):
-        trainer.train([corpus], tmp_path, on, _ignore, start_from=finished)
+        trainer.train([corpus], tmp_path, on, ignore, start_from=finished)
 
 
 def test_the_folder_of_a_recipe_is_refused(corpus, config, tmp_path):
     (tmp_path / "recipe.json").touch()
     with pytest.raises(ValueError, match="holds a run of a recipe: pass another --out"):
-        trainer.train([corpus], tmp_path, config, _ignore)
+        trainer.train([corpus], tmp_path, config, ignore)
 
 
 def test_weights_of_another_lobe_are_refused(corpus, config, finished, tmp_path):
@@ -454,19 +451,19 @@ def test_weights_of_another_lobe_are_refused(corpus, config, finished, tmp_path)
     (given / "training.json").write_text(json.dumps(record))
     on = dataclasses.replace(config, begun_from=model_folder.digest(given))
     with pytest.raises(ValueError, match="with --lobe printed, and the corpora have furnace"):
-        trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=given)
+        trainer.train([corpus], tmp_path / "run", on, ignore, start_from=given)
 
 
 def test_another_beginning_is_another_run(corpus, config, finished, tmp_path):
     shutil.copytree(finished, tmp_path / "run")
     on = dataclasses.replace(config, begun_from=model_folder.digest(finished))
     with pytest.raises(ValueError, match="begun_from None there"):
-        trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=finished)
+        trainer.train([corpus], tmp_path / "run", on, ignore, start_from=finished)
 
 
 def test_a_run_to_reuse_must_be_there(corpus, config, tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing holds no stages of a run to take over"):
-        trainer.train([corpus], tmp_path, config, _ignore, reuse=tmp_path / "nothing")
+        trainer.train([corpus], tmp_path, config, ignore, reuse=tmp_path / "nothing")
 
 
 def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
@@ -474,7 +471,7 @@ def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
     path = run / "stages" / "2-specular.npz"
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(ValueError, match=r"2-specular\.npz cannot be read: .*delete it to train"):
-        trainer.train([corpus], run, config, _ignore, only=["specular"])
+        trainer.train([corpus], run, config, ignore, only=["specular"])
 
 
 def test_a_damaged_array_of_a_checkpoint_is_named(finished, tmp_path):
@@ -495,7 +492,7 @@ def test_a_run_that_another_process_trains_is_refused(corpus, config, tmp_path):
         locking.lock_folder(tmp_path / "run", "lime-train is training"),
         pytest.raises(RuntimeError, match=r"another lime-train is training .*run: wait for it"),
     ):
-        trainer.train([corpus], tmp_path / "run", config, _ignore)
+        trainer.train([corpus], tmp_path / "run", config, ignore)
     assert not (tmp_path / "run").exists()
 
 
@@ -505,7 +502,7 @@ def test_a_record_of_a_run_that_is_none_is_named(content, corpus, config, tmp_pa
     with pytest.raises(
         ValueError, match=r"config\.json cannot be read as the record of a run.*another --out"
     ):
-        trainer.train([corpus], tmp_path, config, _ignore)
+        trainer.train([corpus], tmp_path, config, ignore)
     with pytest.raises(
         ValueError, match=r"config\.json cannot be read as a run of this version.*another --out"
     ):
@@ -542,7 +539,7 @@ def test_photographs_count_for_the_mask_and_for_all_that_follows_from_it(corpus,
     def signatures(cutouts):
         changed = dataclasses.replace(config, schedule=schedule, cutouts=cutouts)
         data = Data([corpus], changed, tmp_path, photographs=(tmp_path, tmp_path))
-        run = trainer._Run(tmp_path, changed, data, Devices(1), _ignore, None, None, None)
+        run = trainer._Run(tmp_path, changed, data, Devices(1), ignore, None, None, None)
         return [part.checkpoint._signature for part in run._parts]
 
     assert all(a != b for a, b in zip(signatures(None), signatures("a hash"), strict=True))
@@ -606,7 +603,7 @@ def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
     longer = dataclasses.replace(BRIEF, encoder_steps=9, camera=False)
     unseen = dataclasses.replace(config, schedule=longer)
     with pytest.raises(RuntimeError, match=expected):
-        trainer.train([broken], tmp_path / "run", unseen, _ignore, only=["albedo"])
+        trainer.train([broken], tmp_path / "run", unseen, ignore, only=["albedo"])
     assert not (tmp_path / "run" / "model").exists()
 
 
@@ -614,7 +611,7 @@ def test_a_record_that_holds_no_number_is_named(corpus, config, tmp_path):
     broken = _altered(corpus, tmp_path / "corpus", 3, "ambient", np.nan)
     expected = r"00000\.tfrecord is broken: record 3 .*ambient is not finite"
     with pytest.raises(ValueError, match=expected):
-        trainer.train([broken], tmp_path / "run", config, _ignore, only=["exponent"])
+        trainer.train([broken], tmp_path / "run", config, ignore, only=["exponent"])
 
 
 @pytest.mark.slow
@@ -622,7 +619,7 @@ def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_
     boundless = dataclasses.replace(terms.TERMS["specular"], weight=np.inf)
     monkeypatch.setitem(terms.TERMS, "specular", boundless)
     with pytest.raises(RuntimeError, match=r"stage specular, step 1: loss, .*not finite; from ex"):
-        trainer.train([corpus], tmp_path, config, _ignore, only=["specular"])
+        trainer.train([corpus], tmp_path, config, ignore, only=["specular"])
     assert not (tmp_path / "stages" / "2-specular.npz").exists()
 
 
@@ -632,8 +629,8 @@ def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, mon
     assert not refused.schedule.camera
     clean = dataclasses.replace(config, schedule=dataclasses.replace(BRIEF, camera=False))
     with pytest.raises(ValueError, match="camera True there, False asked"):
-        trainer.train([corpus], finished, clean, _ignore)
-    trainer.train([corpus], tmp_path, clean, _ignore, only=["specular"])
+        trainer.train([corpus], finished, clean, ignore)
+    trainer.train([corpus], tmp_path, clean, ignore, only=["specular"])
     rows = [stage_runs.curve(run, "specular")[-1] for run in (tmp_path, finished)]
     # Training and validation photos are taken alike; exposure changes S itself.
     for losses in ("train_specular", "validation_specular"):
@@ -643,7 +640,7 @@ def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, mon
 def test_one_shard_cannot_be_split(config, tmp_path):
     corpus = write_split(tmp_path, "train", [range(2)])
     with pytest.raises(ValueError, match="at least 2"):
-        trainer.train([corpus], tmp_path / "run", config, _ignore)
+        trainer.train([corpus], tmp_path / "run", config, ignore)
     assert not (tmp_path / "run" / "config.json").exists(), "the mended corpus would be refused"
 
 
@@ -707,8 +704,6 @@ def test_the_commands_ablations(corpus, tmp_path):
         return _of_options(corpus, tmp_path, "--preset", "paper", *options)
 
     full = config()
-    assert full.architecture == networks.PRESETS["paper"] and full.compositing
-    assert full.schedule == SCHEDULES["paper"] and full.precision == "float32"
     no_loss = config("--without", "perceptual")
     assert not no_loss.compositing and no_loss.architecture == full.architecture
     neither = config("--without", "perceptual", "mirror")
@@ -835,19 +830,12 @@ def test_wrong_usage(options, tmp_path):
     assert stopped.value.code == 2
 
 
-def _bars(*told):
-    with cli._Bars(BRIEF.stages(TINY)) as bars:
-        for progress in told:
-            bars.tell(progress)
-
-
 def test_the_bars_show_losses_and_the_wait_for_data(capsys):
     first, second = BRIEF.stages(TINY)[:2]
-    _bars(
-        stage_training.Progress(first, 0, {}, 0.0),
-        stage_training.Progress(first, 2, {"mask": 0.25}, 0.1),
-        stage_training.Progress(second, 1, {}, 0.0),
-    )
+    with cli._Bars(BRIEF.stages(TINY)) as bars:
+        bars.tell(stage_training.Progress(first, 0, {}, 0.0))
+        bars.tell(stage_training.Progress(first, 2, {"mask": 0.25}, 0.1))
+        bars.tell(stage_training.Progress(second, 1, {}, 0.0))
     shown = capsys.readouterr().err
     assert "1/8 segmentation: 100%" in shown and "mask=0.25, data=10%" in shown
     assert "2/8 specular:  50%" in shown
@@ -879,20 +867,16 @@ def test_a_stage_ends_with_the_optimisers_average(corpus, config, tmp_path):
         schedule = dataclasses.replace(BRIEF, steps=steps, average=average, decay=0.5)
         # As many photos, whatever the steps: their first batch is the same.
         own = dataclasses.replace(config, schedule=schedule, photos=2)
-        trainer.train([corpus], tmp_path / name, own, _ignore, only=["exponent"])
+        trainer.train([corpus], tmp_path / name, own, ignore, only=["exponent"])
         left = stage_runs.left(tmp_path / name, "exponent")
         count = len(networks.build(TINY)["exponent"].weights)
         return [left[f"arr_{index}"] for index in range(count)]
 
     first, last = trained("one", 1, None), trained("two", 2, None)
     averaged = trained("averaged", 2, 0.25)
-    assert not _equal(first, last)
+    assert not all(map(np.array_equal, first, last))
     for one, two, mean in zip(first, last, averaged, strict=True):
         assert mean == pytest.approx(0.25 * one + 0.75 * two, abs=1e-7)
-
-
-def _equal(one, other):
-    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 
 @pytest.mark.slow
@@ -906,7 +890,7 @@ def test_frozen_subnetworks_keep_their_weights(corpus, config, finished, tmp_pat
     ]
     only = [joined, f"{joined}+albedo"]
     assert not trainer.train(
-        [corpus], tmp_path / "run", held, _ignore, only=only, start_from=finished
+        [corpus], tmp_path / "run", held, ignore, only=only, start_from=finished
     )
     before, after = _weights(finished), _weights(tmp_path / "run")
     for name in before:
@@ -922,5 +906,5 @@ def test_frozen_subnetworks_keep_their_weights(corpus, config, finished, tmp_pat
 def test_only_what_a_run_begins_with_is_frozen(corpus, config, tmp_path, name, words):
     held = dataclasses.replace(config, frozen=(name,))
     with pytest.raises(ValueError, match=f"--freeze {name}: .*{words}"):
-        trainer.train([corpus], tmp_path / "run", held, _ignore)
+        trainer.train([corpus], tmp_path / "run", held, ignore)
     assert not (tmp_path / "run" / "config.json").exists(), "the mended options would be refused"
