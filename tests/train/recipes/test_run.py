@@ -293,24 +293,18 @@ def test_a_run_of_an_older_version_is_taken_over(own, folder, commands, packages
     cut = json.loads((first / "cutouts.json").read_text())["packages"]
     cut = [{name: one[name] for name in one if name != "ranges"} for one in cut]
     (first / "cutouts.json").write_text(json.dumps({"packages": cut}))
-    key = _older_keys(own, folder, first, cut)
+    reopened = run._Run(own, recipe.find(own), first, folder, None, None)
+    assert reopened._inputs["cutouts"] == [one.get("sha256") for one in cut]
     for path in (first / "steps").rglob("*.json"):
         name = path.relative_to(first / "steps").with_suffix("").as_posix()
         record = json.loads(path.read_text())
-        old = {"command": record["command"], "key": key[name], "seconds": 5, "commit": "abc"}
-        path.write_text(json.dumps(old))
+        old = {"key": reopened._key(name), "seconds": 5, "commit": "abc"}
+        path.write_text(json.dumps({"command": record["command"]} | old))
     commands.ran.clear()
     run.carry_out(own, tmp_path / "second", data_folder=folder, reuse=first)
     assert commands.ran == ["eval"] and len(packages.fetched) == 1
     made = json.loads((tmp_path / "second" / "model" / "training.json").read_text())
     assert made["steps"]["trainings/masks"]["commit"] == ["abc"]
-
-
-def _older_keys(own, folder, out, cut):
-    """The keys of the steps of a run whose cut-outs were recorded by their digests alone."""
-    reopened = run._Run(own, recipe.find(own), out, folder, None, None)
-    assert reopened._inputs["cutouts"] == [one.get("sha256") for one in cut]
-    return {name: reopened._key(name) for name in reopened._steps}
 
 
 def test_a_step_follows_from_the_set_that_it_begins_with(own, folder, commands, tmp_path):
