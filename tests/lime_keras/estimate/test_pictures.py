@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from icc_profiles import GAMMA, profile
 from PIL import Image
+from written_pictures import oriented
 
 from lime_keras.estimate.pictures import mask_of, photo_of
 from lime_keras.io import photo
@@ -50,10 +51,8 @@ def test_a_pil_image_is_what_its_file_is(image, tmp_path):
 
 
 def test_a_pil_image_is_turned_and_its_colours_converted_as_its_file_is(tmp_path):
-    exif = Image.Exif()
-    exif[0x0112] = 6
     image = Image.fromarray(LEVELS[..., :3])
-    path = written(tmp_path, image, "turned.png", exif=exif, icc_profile=profile(GAMMA))
+    path = written(tmp_path, image, "turned.png", exif=oriented(6), icc_profile=profile(GAMMA))
     found, _, _ = photo_of(Image.open(path))
     assert found.shape == (30, 20, 3)
     np.testing.assert_allclose(found, photo.read_srgb(path), atol=1e-6)

@@ -1,5 +1,6 @@
 """The colour space of a picture, by every way in which a file may tell it: right values."""
 
+import functools
 import struct
 import zlib
 
@@ -9,6 +10,7 @@ import pillow_heif
 import pytest
 from icc_profiles import FORMULA, GAMMA, LINEAR, TABLE, TO_XYZ_D50, profile
 from PIL import Image
+from written_pictures import write
 
 from lime_keras.io import colour_space, photo
 
@@ -28,6 +30,9 @@ TO_AP1 = np.array([[0.6131, 0.3395, 0.0474], [0.0702, 0.9164, 0.0135], [0.0206, 
 TO_AP0 = np.array([[0.4397, 0.3830, 0.1773], [0.0898, 0.8134, 0.0968], [0.0175, 0.1115, 0.8709]])
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
+
+
+exr = functools.partial(write, kind=oiio.HALF)
 
 
 def srgb(linear):
@@ -62,16 +67,6 @@ def png(path, pixels, **chunks):
         body = name.encode() + content
         out += struct.pack(">I", len(content)) + body + struct.pack(">I", zlib.crc32(body))
     path.write_bytes(out)
-    return path
-
-
-def exr(path, pixels, **attributes):
-    spec = oiio.ImageSpec(*pixels.shape[1::-1], pixels.shape[2], oiio.HALF)
-    for name, value in attributes.items():
-        spec.attribute(name, *value)
-    image = oiio.ImageBuf(spec)
-    image.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels, np.float32))
-    assert image.write(str(path))
     return path
 
 

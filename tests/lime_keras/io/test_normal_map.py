@@ -7,6 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from PIL import Image
+from written_pictures import oriented, write
 
 from lime_keras.io import normal_map
 
@@ -19,21 +20,10 @@ def _ball(size=24):
     return np.stack([across, -down, z], axis=-1) * inside[..., None], inside
 
 
-def _write(path, pixels, kind, names=None):
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
-    if names:
-        spec.channelnames = names
-    spec.attribute("oiio:UnassociatedAlpha", 1)
-    buffer = oiio.ImageBuf(spec)
-    buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels, np.float32))
-    assert buffer.write(str(path)), buffer.geterror()
-    return path
-
-
 @pytest.mark.parametrize("names", [None, ("X", "Y", "Z"), ("normal.X", "normal.Y", "normal.Z")])
 def test_exr_holds_normals_as_they_are(tmp_path, names):
     normal, _ = _ball()
-    path = _write(tmp_path / "n.exr", normal, oiio.FLOAT, names)
+    path = write(tmp_path / "n.exr", normal, oiio.FLOAT, names)
     assert normal_map.read(path) == pytest.approx(normal, abs=1e-6)
 
 
@@ -54,7 +44,7 @@ def test_normals_are_found_among_other_channels(tmp_path):
     normal, inside = _ball()
     names = ("R", "G", "B", "mask.Y", "normal.X", "normal.Y", "normal.Z")
     pixels = np.concatenate([np.ones_like(normal), inside[..., None], normal], axis=-1)
-    path = _write(tmp_path / "layers.exr", pixels, oiio.FLOAT, names)
+    path = write(tmp_path / "layers.exr", pixels, oiio.FLOAT, names)
     assert normal_map.read(path) == pytest.approx(normal, abs=1e-6)
 
 
@@ -63,7 +53,7 @@ def test_normals_are_found_among_other_channels(tmp_path):
 def test_png_holds_half_of_n_plus_1(tmp_path, kind, tolerance, background):
     normal, inside = _ball()
     colours = np.where(inside[..., None], (normal + 1) / 2, background)
-    found = normal_map.read(_write(tmp_path / "n.png", colours, kind))
+    found = normal_map.read(write(tmp_path / "n.png", colours, kind))
     assert found == pytest.approx(normal, abs=tolerance)
     assert not found[~inside].any()
     assert np.linalg.norm(found[inside], axis=-1) == pytest.approx(1, abs=1e-6)
@@ -73,9 +63,8 @@ def test_an_orientation_turns_the_grid_and_not_the_vectors(tmp_path):
     """As a photo's mask is turned: the normals are those of the upright photo."""
     normal = _ball()[0][:, 4:]
     turned = np.rot90(np.where(normal.any(-1, keepdims=True), (normal + 1) / 2, 0))
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    Image.fromarray(np.round(turned * 255).astype(np.uint8)).save(tmp_path / "n.png", exif=exif)
+    levels = np.round(turned * 255).astype(np.uint8)
+    Image.fromarray(levels).save(tmp_path / "n.png", exif=oriented(6))
     assert normal_map.read(tmp_path / "n.png") == pytest.approx(normal, abs=0.01)
 
 
@@ -83,7 +72,8 @@ def test_alpha_cuts_out_and_does_not_darken(tmp_path):
     normal, inside = _ball()
     alpha = np.where(inside, 0.6, 0.0)[..., None]
     pixels = np.concatenate([np.where(inside[..., None], (normal + 1) / 2, 1.0), alpha], axis=-1)
-    found = normal_map.read(_write(tmp_path / "n.png", pixels, oiio.UINT16))
+    straight = {"oiio:UnassociatedAlpha": (1,)}
+    found = normal_map.read(write(tmp_path / "n.png", pixels, oiio.UINT16, **straight))
     assert found == pytest.approx(normal, abs=1e-3)
 
 
@@ -100,7 +90,7 @@ def test_alpha_cuts_out_and_does_not_darken(tmp_path):
     ],
 )
 def test_what_are_no_normals_is_refused_by_name(tmp_path, spoil, mend):
-    path = _write(tmp_path / "spoilt.exr", spoil(_ball()[0]), oiio.FLOAT)
+    path = write(tmp_path / "spoilt.exr", spoil(_ball()[0]), oiio.FLOAT)
     with pytest.raises(ValueError, match=mend) as refused:
         normal_map.read(path)
     assert str(path) in str(refused.value)
@@ -108,8 +98,8 @@ def test_what_are_no_normals_is_refused_by_name(tmp_path, spoil, mend):
 
 def test_files_that_are_none_are_refused_by_name(tmp_path):
     (tmp_path / "text.png").write_text("no picture")
-    lossy = _write(tmp_path / "n.jpg", (_ball()[0] + 1) / 2, oiio.UINT8)
-    whole = _write(tmp_path / "whole.exr", _ball()[0], oiio.FLOAT)
+    lossy = write(tmp_path / "n.jpg", (_ball()[0] + 1) / 2, oiio.UINT8)
+    whole = write(tmp_path / "whole.exr", _ball()[0], oiio.FLOAT)
     cut = tmp_path / "cut.exr"
     cut.write_bytes(whole.read_bytes()[:-600])
     for path in (tmp_path / "missing.exr", tmp_path / "text.png", lossy, cut):
@@ -120,14 +110,14 @@ def test_files_that_are_none_are_refused_by_name(tmp_path):
 
 def test_one_pixel(tmp_path):
     n = np.array([[[-0.6, 0.0, 0.8]]])
-    path = _write(tmp_path / "n.exr", n, oiio.HALF)
+    path = write(tmp_path / "n.exr", n, oiio.HALF)
     assert normal_map.read(path) == pytest.approx(n, abs=1e-3)
 
 
 def test_a_wall_has_normals_too(tmp_path):
     """All alike, and none of their values negative."""
     n = np.tile([0.48, 0.6, 0.64], (5, 7, 1))
-    path = _write(tmp_path / "wall.exr", n, oiio.HALF)
+    path = write(tmp_path / "wall.exr", n, oiio.HALF)
     assert normal_map.read(path) == pytest.approx(n, abs=1e-3)
 
 

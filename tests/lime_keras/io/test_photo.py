@@ -12,19 +12,10 @@ import OpenImageIO as oiio
 import pillow_heif
 import pytest
 from PIL import Image, ImageCms
+from written_pictures import oriented, write
 
 from lime_keras.io import photo, untrusted
 from lime_keras.optics import colour
-
-
-def write(path, pixels, kind=oiio.UINT8, orientation=1):
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, kind)
-    spec.attribute("Orientation", orientation)
-    image = oiio.ImageBuf(spec)
-    image.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels, np.float32))
-    assert image.write(str(path)), image.geterror()
-    return path
 
 
 def noise(channels=3, height=20, width=28):
@@ -71,17 +62,11 @@ def test_linear_grey_is_encoded_too(tmp_path):
     np.testing.assert_allclose(found, 0.5370987, atol=1e-3)
 
 
-def exif(orientation):
-    out = Image.Exif()
-    out[0x0112] = orientation
-    return out
-
-
 @pytest.mark.parametrize("orientation", [0, 9, 255])
 def test_an_orientation_that_is_none_turns_nothing(tmp_path, orientation):
     pixels = np.zeros((16, 24, 3), np.uint8)
     pixels[:, :12] = 255
-    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif(orientation), quality=95)
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=oriented(orientation), quality=95)
     found = photo.read_srgb(tmp_path / "a.jpg")
     np.testing.assert_allclose(found, pixels / 255, atol=0.05)
 
@@ -218,9 +203,7 @@ def test_a_profile_is_taken_by_its_values_not_by_its_name(tmp_path, name):
 
 def test_a_heics_exif_does_not_turn_it(tmp_path):
     """HEIF has a rotation of its own, which the decoder applies; EXIF's only repeats it."""
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    path = save(tmp_path / "turned.heic", np.zeros((32, 48, 3), np.uint8), exif=exif)
+    path = save(tmp_path / "turned.heic", np.zeros((32, 48, 3), np.uint8), exif=oriented(6))
     assert photo.read_srgb(path).shape == (32, 48, 3)
 
 

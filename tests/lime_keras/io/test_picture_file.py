@@ -8,6 +8,7 @@ import OpenImageIO as oiio
 import pillow_heif
 import pytest
 from PIL import Image
+from written_pictures import oriented
 
 from lime_keras import Estimator
 from lime_keras.io import normal_map, photo, picture_file, scanner
@@ -307,10 +308,8 @@ def test_a_file_is_what_its_content_says(tmp_path):
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "avif", "webp", "tif"])
 def test_an_orientation_turns_files_and_pil_images_alike(suffix, tmp_path):
-    exif = Image.Exif()
-    exif[0x0112] = 6
     path = tmp_path / f"a.{suffix}"
-    Image.fromarray((noise() * 255).astype(np.uint8)).save(path, exif=exif)
+    Image.fromarray((noise() * 255).astype(np.uint8)).save(path, exif=oriented(6))
     found = photo.read_srgb(path)
     assert found.shape == (WIDTH, HEIGHT, 3)
     np.testing.assert_allclose(photo.load_pil(Image.open(path)).image, found, atol=1e-6)

@@ -1,6 +1,7 @@
 """The user's files, judged before rendering: every reason told, nothing read twice."""
 
 import dataclasses
+import functools
 import os
 import pickle
 from concurrent.futures import ProcessPoolExecutor
@@ -10,20 +11,15 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 import trimesh
+from written_pictures import write
 
 from lime_keras.render.jobs import inputs, resuming
+
+write_image = functools.partial(write, kind=oiio.FLOAT)
 
 
 def in_turn(function, items):
     return [function(item) for item in items]
-
-
-def write_image(path, texels, kind=oiio.FLOAT):
-    height, width, channels = texels.shape
-    image = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, kind))
-    image.set_pixels(oiio.ROI(), np.ascontiguousarray(texels, np.float32))
-    assert image.write(str(path)), image.geterror()
-    return path
 
 
 @pytest.fixture
@@ -32,7 +28,7 @@ def files(tmp_path):
     trimesh.creation.icosphere(subdivisions=1).export(tmp_path / "ball.ply")
     trimesh.creation.box().export(tmp_path / "box.obj")
     write_image(tmp_path / "map.exr", np.ones((8, 16, 3)))
-    write_image(tmp_path / "photo.png", np.full((20, 20, 3), 0.5), oiio.UINT8)
+    write(tmp_path / "photo.png", np.full((20, 20, 3), 0.5))
     names = {
         "shapes": ["ball.ply", "box.obj"],
         "environments": ["map.exr"],

@@ -7,19 +7,10 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from PIL import Image
+from written_pictures import oriented, write
 
 from lime_keras.render import cli
 from lime_keras.render.scene import backgrounds
-
-
-def write(path, pixels, orientation=1):
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
-    spec.attribute("Orientation", orientation)
-    image = oiio.ImageBuf(spec)
-    image.set_pixels(oiio.ROI(), pixels.astype(np.float32))
-    assert image.write(str(path)), image.geterror()
-    return path
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -72,7 +63,7 @@ def test_photographs_are_cropped_and_resized(tmp_path, channels, size):
 def test_photographs_are_turned_upright(tmp_path):
     pixels = np.zeros((40, 60, 3))
     pixels[:, 30:] = 1
-    path = write(tmp_path / "turned.jpg", pixels, orientation=6)  # shown turned clockwise
+    path = write(tmp_path / "turned.jpg", pixels, Orientation=(6,))  # shown turned clockwise
     crops = [backgrounds.photograph(path, np.random.default_rng(k), 32) for k in range(20)]
     assert max(np.ptp(crop.mean((1, 2))) for crop in crops) > 0.8
     assert max(np.ptp(crop.mean((0, 2))) for crop in crops) < 0.05
@@ -80,10 +71,8 @@ def test_photographs_are_turned_upright(tmp_path):
 
 @pytest.mark.parametrize("orientation", [0, 9])
 def test_an_orientation_that_is_none_turns_nothing(tmp_path, orientation):
-    exif = Image.Exif()
-    exif[0x0112] = orientation
     pixels = np.full((40, 60, 3), 90, np.uint8)
-    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif)
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=oriented(orientation))
     crop = backgrounds.photograph(tmp_path / "a.jpg", np.random.default_rng(0), 16)
     np.testing.assert_allclose(crop, 90 / 255, atol=0.02)
 
