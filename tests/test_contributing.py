@@ -1,10 +1,10 @@
 """CONTRIBUTING shows the rooms as they are, and names files that there are."""
 
-import importlib.util
 import re
 from pathlib import Path
 
 import pytest
+import script_files
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -13,11 +13,7 @@ CHANGES = dict(re.findall(r"^\| an? (.+?) \| (.+) \|$", PAGE, re.MULTILINE))
 
 @pytest.fixture(scope="module")
 def rooms():
-    path = ROOT / "docs" / "pictures" / "rooms.py"
-    spec = importlib.util.spec_from_file_location("rooms", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script_files.load(ROOT / "docs" / "pictures" / "rooms.py")
 
 
 def test_the_picture_is_drawn_from_the_imports(rooms):

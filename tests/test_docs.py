@@ -2,7 +2,6 @@
 
 import doctest
 import importlib
-import importlib.util
 import re
 import shlex
 import subprocess
@@ -10,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import script_files
 import sphere_corpus
 import yaml
 from PIL import Image
@@ -41,15 +41,6 @@ def named(path):
 
 def read(path):
     return path.read_text(encoding="utf-8")
-
-
-def script(path):
-    """A module that no package holds."""
-    spec = importlib.util.spec_from_file_location(f"docs_{path.stem}", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def examples():
@@ -158,7 +149,7 @@ def test_the_docs_that_code_names_exist():
 
 def told(command, *arguments, width=88):
     """The text of a command's help."""
-    help_of = script(DOCS / "command_help.py").text
+    help_of = script_files.load(DOCS / "command_help.py").text
     return help_of(COMMANDS[command], [*arguments], columns=width)
 
 
@@ -211,12 +202,12 @@ def test_the_reference_has_every_command():
         assert f"<!-- help: {module} -->\n" in page
     for name in render_cli.COMMANDS:
         assert f"<!-- help: lime_keras.render.cli {name} -->\n" in page
-    stale = script(DOCS / "command_help.py").written_anew(page) != page
+    stale = script_files.load(DOCS / "command_help.py").written_anew(page) != page
     assert not stale, "a command's help has changed: make commands"
 
 
 def test_the_figures_of_the_pages_are_those_of_the_files():
-    figures = script(DOCS / "figures.py")
+    figures = script_files.load(DOCS / "figures.py")
     for page in figures.PAGES:
         assert figures.written_anew(read(page)) == read(page), f"{named(page)}: make readme"
         # A comment that begins a line ends the paragraph.
@@ -224,7 +215,7 @@ def test_the_figures_of_the_pages_are_those_of_the_files():
 
 
 def test_a_figure_that_its_file_lacks_is_an_error_unless_a_dash_is_meant():
-    figures = script(DOCS / "figures.py")
+    figures = script_files.load(DOCS / "figures.py")
     assert figures.figure("photographs; live, given mask; iou; .1%–") == "–"
     with pytest.raises(KeyError, match="iou"):
         figures.figure("photographs; live, given mask; iou; .1%")

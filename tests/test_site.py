@@ -1,6 +1,5 @@
 """The site of the documentation: it is built, and the demo in it works."""
 
-import importlib.util
 import re
 import subprocess
 import sys
@@ -8,6 +7,7 @@ from pathlib import Path
 
 import chromium
 import pytest
+import script_files
 import static_page
 
 from lime_keras.live import static
@@ -18,10 +18,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 @pytest.fixture(scope="module")
 def demo():
     """The script that writes the demo."""
-    spec = importlib.util.spec_from_file_location("docs_demo", DOCS / "demo.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script_files.load(DOCS / "demo.py")
 
 
 @pytest.fixture

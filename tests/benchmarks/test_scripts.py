@@ -1,10 +1,10 @@
 """What is run by hand, benchmarks and examples, imports only what is there."""
 
 import ast
-import importlib.util
 from pathlib import Path
 
 import pytest
+import script_files
 
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = sorted(ROOT.glob("benchmarks/*.py"))
@@ -26,12 +26,5 @@ def test_all_that_a_script_imports_is_there(path):
 @pytest.mark.parametrize("path", BENCHMARKS, ids=named)
 def test_what_a_benchmark_begins_with_is_there(path):
     """Its constants name presets, qualities and the like; nothing is measured before `main`."""
-    module = loaded(path)
+    module = script_files.load(path)
     assert path.stem in ("record", "scenes") or callable(module.main)
-
-
-def loaded(path):
-    spec = importlib.util.spec_from_file_location(f"benchmark_{path.stem}", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
