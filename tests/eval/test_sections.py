@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import answer_files
+import json_files
 import pytest
 import trade
 
@@ -128,9 +129,8 @@ def test_answers_alone_need_no_weights(corpus, answers, tmp_path, monkeypatch, c
     assert "evaluate:" in told.err and "copy: another system" in told.out
     assert cli.main(command) == 0
     assert "evaluate:" not in capsys.readouterr().err, "what was measured is kept"
-    path = copy / "00002.json"
-    held = json.loads(path.read_text(encoding="utf-8"))
-    path.write_text(json.dumps(held | {"exponent": 999.0}), encoding="utf-8")
+    with json_files.edited(copy / "00002.json") as held:
+        held["exponent"] = 999.0
     assert cli.main(command) == 0
     assert "evaluate:" in capsys.readouterr().err, "the answers have changed"
     (copy / "00003-mask.png").unlink()

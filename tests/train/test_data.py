@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 
+import json_files
 import numpy as np
 import pytest
 import stage_runs
@@ -162,10 +163,8 @@ def test_data_of_another_size_are_refused(tmp_path):
 def test_corpora_of_different_lobes_are_refused_by_name(tmp_path):
     corpora = [write_split(tmp_path / name, "train", [range(1), range(1)]) for name in "ab"]
     assert lobe_of(corpora) == "furnace"
-    path = corpora[1] / "train" / "manifest.json"
-    manifest = json.loads(path.read_text(encoding="utf-8"))
-    manifest["description"]["shading"] = "printed"
-    path.write_text(json.dumps(manifest), encoding="utf-8")
+    with json_files.edited(corpora[1] / "train" / "manifest.json") as manifest:
+        manifest["description"]["shading"] = "printed"
     assert lobe_of(corpora[1:]) == "printed"
     with pytest.raises(ValueError, match=r"a has --lobe furnace and .*b --lobe printed: their m_s"):
         lobe_of(corpora)
@@ -174,10 +173,8 @@ def test_corpora_of_different_lobes_are_refused_by_name(tmp_path):
 @pytest.mark.parametrize("law", [{}, {"light_law": "mixed"}, {"endless": 0.5}])
 def test_scenes_are_plain_without_mixed_lights_and_endless_bodies(tmp_path, law):
     corpus = write_split(tmp_path / "corpus", "train", [range(1), range(1)])
-    path = corpus / "train" / "manifest.json"
-    manifest = json.loads(path.read_text(encoding="utf-8"))
-    manifest["description"] |= law
-    path.write_text(json.dumps(manifest), encoding="utf-8")
+    with json_files.edited(corpus / "train" / "manifest.json") as manifest:
+        manifest["description"] |= law
     assert Split(corpus, "train").is_plain == (not law)
 
 

@@ -1,11 +1,11 @@
 """The gallery: what it shows, in which order it may be brought, and that it needs nothing else."""
 
 import csv
-import json
 import re
 from html.parser import HTMLParser
 from urllib.parse import unquote
 
+import json_files
 import numpy as np
 import pytest
 
@@ -118,17 +118,16 @@ def test_names_are_told_as_they_are(tmp_path):
 
 def test_half_a_character_is_told_with_the_results_name(tmp_path):
     add(tmp_path, "a")
-    path = tmp_path / "a.json"
-    numbers = json.loads(path.read_text(encoding="utf-8"))
-    path.write_text(json.dumps(numbers | {"photo": "\ud800.png"}))
+    with json_files.edited(tmp_path / "a.json") as numbers:
+        numbers["photo"] = "\ud800.png"
     with pytest.raises(ValueError, match=r"a\.json cannot be read as a result: .*surrogates"):
         update(tmp_path, "a")
 
 
 def test_half_a_material_is_refused_by_the_results_name(tmp_path):
     add(tmp_path, "a")
-    path = tmp_path / "a.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"specular_albedo": None}))
+    with json_files.edited(tmp_path / "a.json") as numbers:
+        numbers["specular_albedo"] = None
     with pytest.raises(ValueError, match=r"a\.json cannot be read as a result"):
         update(tmp_path, "a")
 

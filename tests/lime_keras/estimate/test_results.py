@@ -1,9 +1,9 @@
 """Results: whole or not there, kept if they would be the same, and never lost unasked."""
 
-import json
 import os
 from pathlib import Path
 
+import json_files
 import pytest
 
 from lime_keras.estimate.files import distinct_names
@@ -203,8 +203,8 @@ def test_files_elsewhere_are_never_taken_for_parts_of_a_result(tmp_path, photo):
     found = results(tmp_path, overwrite=True)
     write(found, photo, name="a")
     path = tmp_path / "out" / "a.json"
-    content = json.loads(path.read_text()) | {"files": ["../photo.png", "/etc/x", "..", ".", 3]}
-    path.write_text(json.dumps(content))
+    with json_files.edited(path) as content:
+        content["files"] = ["../photo.png", "/etc/x", "..", ".", 3]
     assert result_json.read(path)["files"] == []
     write(found, photo, name="a")
     assert photo.read_bytes() == b"a photo"

@@ -1,8 +1,8 @@
 """Keras reads out of the graphs exactly what went into them."""
 
-import json
 import shutil
 
+import json_files
 import numpy as np
 import onnx
 import pytest
@@ -134,19 +134,10 @@ def test_a_part_of_it_is_loaded_or_told(bare):
         weights.load(bare)
 
 
-def described(run):
-    return json.loads((run / "onnx" / "graphs.json").read_text())
-
-
-def describe_anew(run, description):
-    (run / "onnx" / "graphs.json").write_text(json.dumps(description))
-
-
 def test_a_graph_of_other_layers_is_told(bare):
     shutil.copyfile(bare / "onnx" / "albedo.onnx", bare / "onnx" / "mirror.onnx")
-    description = described(bare)
-    description["graphs"]["mirror"]["sha256"] = description["graphs"]["albedo"]["sha256"]
-    describe_anew(bare, description)
+    with json_files.edited(bare / "onnx" / "graphs.json") as description:
+        description["graphs"]["mirror"]["sha256"] = description["graphs"]["albedo"]["sha256"]
     with pytest.raises(ValueError, match=r"mirror\.onnx has other layers than mirror_net"):
         weights.load(bare)
 
@@ -167,9 +158,8 @@ def test_damage_in_a_set_that_comes_with_the_package_is_mended_by_installing(bar
 
 @pytest.mark.parametrize("damage", ["no JSON", "no mirror"])
 def test_weights_without_a_description_are_told(bare, damage):
-    description = described(bare)
-    del description["graphs"]["mirror"]
-    describe_anew(bare, description)
+    with json_files.edited(bare / "onnx" / "graphs.json") as description:
+        del description["graphs"]["mirror"]
     if damage == "no JSON":
         (bare / "onnx" / "graphs.json").write_text("{")
     with pytest.raises(ValueError, match=r"graphs\.json does not describe .*: take .*weights"):

@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import json_files
 import numpy as np
 import pytest
 from whole_engines import Network
@@ -117,10 +118,8 @@ def test_a_damaged_graph_is_told_with_the_mend(content, copy):
     ],
 )
 def test_a_graph_that_is_described_otherwise_is_told(wrong, copy):
-    path = copy / "graphs.json"
-    held = json.loads(path.read_text(encoding="utf-8"))
-    held["graphs"]["exponent"] |= wrong
-    path.write_text(json.dumps(held), encoding="utf-8")
+    with json_files.edited(copy / "graphs.json") as held:
+        held["graphs"]["exponent"] |= wrong
     engine, given = opened(copy), {"image": parity.images(32)[:1]}
     outputs = held["graphs"]["exponent"]["outputs"]
     with pytest.raises(ValueError, match=r"graphs\.json describes exponent as it is not .*: take"):
@@ -166,8 +165,6 @@ MISFITS = {
 
 @pytest.mark.parametrize("misfit", MISFITS)
 def test_a_description_of_graphs_that_do_not_fit_counts_as_none(misfit, copy):
-    path = copy / "graphs.json"
-    held = json.loads(path.read_text(encoding="utf-8"))
-    MISFITS[misfit](held)
-    path.write_text(json.dumps(held), encoding="utf-8")
+    with json_files.edited(copy / "graphs.json") as held:
+        MISFITS[misfit](held)
     assert model_folder.read_description(copy) is None

@@ -10,6 +10,7 @@ import threading
 import time
 
 import full_disk
+import json_files
 import numpy as np
 import pytest
 import tensorflow as tf
@@ -412,11 +413,9 @@ def test_other_lights_than_the_train_splits_are_refused_as_known_ones(
     # Verification finds them, and so does rendering, whichever split comes last.
     path = Split(out, "test").inputs_path
     path.write_text(path.read_text(encoding="utf-8").replace('"sha256": "', '"sha256": "f'))
-    manifest = Split(out, "test").manifest_path
-    content = json.loads(manifest.read_text(encoding="utf-8"))
-    digests = content["inputs"]["environments"]
-    content["inputs"]["environments"] = {name: f"f{digest}" for name, digest in digests.items()}
-    manifest.write_text(json.dumps(content), encoding="utf-8")
+    with json_files.edited(Split(out, "test").manifest_path) as content:
+        digests = content["inputs"]["environments"]
+        digests |= {name: f"f{digest}" for name, digest in digests.items()}
     [(kind, text)] = verification.verify(out, "train", nothing)
     assert kind == "split" and "the same lights, by --lights known" in text
     shutil.rmtree(out / "train")
@@ -503,10 +502,8 @@ def test_shards_of_other_software_are_told_in_the_manifest(
 ):
     out = tmp_path / "corpus"
     shutil.copytree(rendered[0], out)
-    sidecar = out / "train" / "00001.json"
-    held = json.loads(sidecar.read_text(encoding="utf-8"))
-    held["packages"]["numpy"] = "1.0"
-    sidecar.write_text(json.dumps(held), encoding="utf-8")
+    with json_files.edited(out / "train" / "00001.json") as held:
+        held["packages"]["numpy"] = "1.0"
     manifest = render(out, description, mitsuba_choice)
     assert manifest["packages"] == rendered[1]["packages"] | {
         "numpy": f"1.0, {rendered[1]['packages']['numpy']}"

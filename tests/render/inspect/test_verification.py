@@ -5,6 +5,7 @@ import re
 import shutil
 from collections import Counter
 
+import json_files
 import numpy as np
 import pytest
 import sphere_corpus
@@ -59,8 +60,8 @@ def write_findings(corpus, split, found):
 
 def edit(path, **changes):
     """Change entries of a JSON file."""
-    content = json.loads(path.read_text(encoding="utf-8"))
-    path.write_text(json.dumps(content | changes), encoding="utf-8")
+    with json_files.edited(path) as content:
+        content |= changes
 
 
 def rewrite(corpus, records_of_shard_1):
@@ -88,10 +89,8 @@ def test_progress_ends_at_the_count(sound):
 def relabelled(corpus, lobe):
     """Let manifest and description say that the corpus has this lobe."""
     for name in ("manifest", "description"):
-        path = corpus / "train" / f"{name}.json"
-        content = json.loads(path.read_text(encoding="utf-8"))
-        (content["description"] if name == "manifest" else content)["shading"] = lobe
-        path.write_text(json.dumps(content), encoding="utf-8")
+        with json_files.edited(corpus / "train" / f"{name}.json") as content:
+            (content["description"] if name == "manifest" else content)["shading"] = lobe
 
 
 def test_the_printed_lobe_is_judged_by_eq_3_as_printed(corpus, examples):
