@@ -1,40 +1,17 @@
 """The page's own arithmetic, run by Node, held against the Python that it repeats."""
 
 import json
-import shutil
-import subprocess
 
+import javascript
 import numpy as np
 import pytest
 
 from lime_keras.estimate import interchange
-from lime_keras.live.server import PAGE
 from lime_keras.material import Material
 from lime_keras.optics import colour, environment, shading, studio_light
 
-NODE = shutil.which("node")
-pytestmark = pytest.mark.skipif(NODE is None, reason="Node.js, which runs the page, is missing")
-
 SIZE = 40
 SHAPE = environment.STORED_SHAPE
-
-
-def run(code, **given):
-    """The JSON that a module prints which sees the page's modules as `page` and `given`."""
-    script = (
-        f"const page = (name) => import({json.dumps(PAGE.as_uri())} + '/' + name + '.js');\n"
-        "let text = '';\nfor await (const part of process.stdin) text += part;\n"
-        f"const given = JSON.parse(text);\n{code}"
-    )
-    answer = subprocess.run(
-        [NODE, "--input-type=module", "-e", script],
-        input=json.dumps(given),
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert answer.returncode == 0, answer.stderr
-    return json.loads(answer.stdout)
 
 
 def _one_texel(row, column):
@@ -62,12 +39,11 @@ LIGHTS = {
 EXPONENTS = (1.0, 7.0, 32.0, 33.0, 1000.0)
 
 TABLES = """
-const { diffuse, specular, tableNormals } = await page("shading");
-const light = { width: given.width, height: given.height, data: Float32Array.from(given.light) };
-const tables = { normals: tableNormals(given.size), diffuse: diffuse(light, given.size) };
-for (const s of given.exponents) tables[s] = specular(light, s, given.size);
-const plain = Object.entries(tables).map(([name, table]) => [name, [...table]]);
-console.log(JSON.stringify(Object.fromEntries(plain)));
+const { diffuse, specular, tableNormals } = await import(page + "shading.js");
+const light = { width, height, data };
+const tables = { normals: tableNormals(size), diffuse: diffuse(light, size) };
+for (const s of exponents) tables[s] = specular(light, s, size);
+return tables;
 """
 
 
@@ -75,14 +51,13 @@ console.log(JSON.stringify(Object.fromEntries(plain)));
 def test_the_tables_are_the_sums_of_the_library(name):
     light = LIGHTS[name].astype(np.float32)
     height, width = SHAPE
-    data = [float(x) for x in light.ravel()]
     shape = {"width": width, "height": height, "size": SIZE}
-    found = run(TABLES, light=data, **shape, exponents=EXPONENTS)
+    found = javascript.run(TABLES, data=light, **shape, exponents=EXPONENTS)
     normal = np.reshape(found.pop("normals"), (-1, 3))
     assert np.linalg.norm(normal, axis=-1) == pytest.approx(1, abs=1e-6)
     # Some of the normals that a viewer sees.
     seen = np.flatnonzero(normal[:, 2] > 0)[::3]
-    found = {name: np.array(table)[seen] for name, table in found.items()}
+    found = {name: table[seen] for name, table in found.items()}
     n, o = normal[seen], np.broadcast_to((0.0, 0.0, 1.0), (len(seen), 3))
     texels, energy = shading.texels(light.astype(np.float64))
     expected = shading.diffuse(n, texels, energy)
@@ -101,13 +76,13 @@ def assert_near(found, expected, share):
 def test_the_normaliser_and_the_studio_are_those_of_the_library():
     exponents = [0.0, 0.5, 1.0, 10.0, 1e3, 1e9]
     code = """
-    const { normaliser } = await page("shading");
-    const { studio } = await page("panorama");
+    const { normaliser } = await import(page + "shading.js");
+    const { studio } = await import(page + "panorama.js");
     const { width, height, data } = studio();
-    const c = given.exponents.map(normaliser);
-    console.log(JSON.stringify({ c, width, height, data: [...data] }));
+    const c = exponents.map(normaliser);
+    return { c, width, height, data: [...data] };
     """
-    found = run(code, exponents=exponents)
+    found = javascript.run(code, exponents=exponents)
     assert found["c"] == pytest.approx([shading.normaliser(s) for s in exponents], rel=1e-12)
     assert np.reshape(found["data"], SHAPE) == pytest.approx(studio_light.light())
     assert (found["height"], found["width"]) == SHAPE
@@ -116,10 +91,10 @@ def test_the_normaliser_and_the_studio_are_those_of_the_library():
 def test_the_table_is_read_where_its_normals_lie():
     """The shader's way from a normal to a place is the way back from the table's normals."""
     code = """
-    const { tableNormals } = await page("shading");
-    console.log(JSON.stringify([...tableNormals(8)]));
+    const { tableNormals } = await import(page + "shading.js");
+    return tableNormals(8);
     """
-    normal = np.reshape(run(code), (8, 8, 3))
+    normal = np.reshape(javascript.run(code), (8, 8, 3))
     place = 0.5 + 0.5 * normal[..., :2] / np.sqrt(1 + normal[..., 2:])
     middles = (np.arange(8) + 0.5) / 8
     assert place[..., 0] == pytest.approx(np.broadcast_to(middles, (8, 8)), abs=1e-6)
@@ -128,14 +103,13 @@ def test_the_table_is_read_where_its_normals_lie():
 
 def test_turning_a_light_moves_its_columns_and_keeps_its_sum():
     code = """
-    const { turned } = await page("panorama");
-    const light = { width: 8, height: 4, data: Float32Array.from(given.data) };
-    const all = given.angles.map((angle) => [...turned(light, angle, given.factor).data]);
-    console.log(JSON.stringify(all));
+    const { turned } = await import(page + "panorama.js");
+    const light = { width: 8, height: 4, data };
+    return angles.map((angle) => [...turned(light, angle, factor).data]);
     """
-    light = np.random.default_rng(0).uniform(size=(4, 8))
+    light = np.random.default_rng(0).uniform(size=(4, 8)).astype(np.float32)
     angles = [0, np.pi / 4, -np.pi / 2, 2 * np.pi, 0.3, -0.3]
-    found = np.reshape(run(code, data=light.ravel().tolist(), angles=angles, factor=2), (6, 4, 8))
+    found = np.reshape(javascript.run(code, data=light, angles=angles, factor=2), (6, 4, 8))
     for turn, steps in zip(found[:4], (0, 1, -2, 0), strict=True):
         assert turn == pytest.approx(2 * np.roll(light, steps, axis=1), abs=1e-5)
     assert found.sum(axis=2) == pytest.approx(2 * light.sum(axis=1)[None].repeat(6, 0), rel=1e-5)
@@ -143,12 +117,11 @@ def test_turning_a_light_moves_its_columns_and_keeps_its_sum():
 
 def test_colours_are_those_of_the_library():
     code = """
-    const { LINEAR, toLinear, toSrgb, toLevel } = await page("colour");
-    const levels = given.values.map(toLevel);
-    console.log(JSON.stringify([[...LINEAR], given.values.map(toSrgb), levels]));
+    const { LINEAR, toLinear, toSrgb, toLevel } = await import(page + "colour.js");
+    return [[...LINEAR], values.map(toSrgb), values.map(toLevel)];
     """
     values = [*np.linspace(-0.1, 1.1, 400), 1e-5, 3e-4, 1e9]
-    linear, srgb, levels = run(code, values=values)
+    linear, srgb, levels = javascript.run(code, values=values)
     assert linear == pytest.approx(colour.srgb_to_linear(np.arange(256) / 255), rel=1e-5)
     expected = colour.linear_to_srgb(np.clip(values, 0, 1))
     assert srgb == pytest.approx(expected, abs=1e-6)
@@ -163,10 +136,10 @@ def test_gltf_has_the_numbers_of_the_library():
         for m in drawn
     ]
     code = """
-    const { gltfMaterial } = await page("exports");
-    console.log(JSON.stringify(given.materials.map(gltfMaterial)));
+    const { gltfMaterial } = await import(page + "exports.js");
+    return materials.map(gltfMaterial);
     """
-    for numbers, found in zip(materials, run(code, materials=materials), strict=True):
+    for numbers, found in zip(materials, javascript.run(code, materials=materials), strict=True):
         diffuse = np.array(numbers["diffuse_albedo"])
         material = Material(**numbers | {"diffuse_albedo": diffuse})
         (expected,) = json.loads(interchange.gltf(material, "lime"))["materials"]
@@ -184,11 +157,11 @@ def plain(value):
 
 def test_a_gltf_file_holds_its_sphere():
     code = """
-    const { gltf } = await page("exports");
+    const { gltf } = await import(page + "exports.js");
     const material = { diffuse_albedo: [0.5, 0.4, 0.3], specular_albedo: 0.2, exponent: 50 };
-    console.log(gltf(material, "1.2"));
+    return JSON.parse(gltf(material, "1.2"));
     """
-    found = run(code)
+    found = javascript.run(code)
     (buffer,) = found["buffers"]
     last = found["bufferViews"][-1]
     assert last["byteOffset"] + last["byteLength"] == buffer["byteLength"]
@@ -197,19 +170,17 @@ def test_a_gltf_file_holds_its_sphere():
 
 
 SHAPES = """
-const shapes = await page("shapes");
-const out = given.names.map((name) => {
+const shapes = await import(page + "shapes.js");
+return names.map((name) => {
   const { positions, normals, indices } = shapes[name]();
   return { positions: [...positions], normals: [...normals], indices: [...indices] };
 });
-console.log(JSON.stringify(out));
 """
 
 
 def test_the_shapes_are_closed_smooth_and_turned_outside():
-    for name, mesh in zip(
-        ("sphere", "knot", "teapot"), run(SHAPES, names=["sphere", "knot", "teapot"]), strict=True
-    ):
+    names = ["sphere", "knot", "teapot"]
+    for name, mesh in zip(names, javascript.run(SHAPES, names=names), strict=True):
         points, normals = (np.reshape(mesh[key], (-1, 3)) for key in ("positions", "normals"))
         triangles = np.reshape(mesh["indices"], (-1, 3))
         assert np.linalg.norm(normals, axis=-1) == pytest.approx(1, abs=1e-5), name
@@ -223,20 +194,18 @@ def test_the_shapes_are_closed_smooth_and_turned_outside():
 
 
 MESH = """
-const { parse } = await page("meshes");
-const bytes = Uint8Array.from(given.bytes);
+const { parse } = await import(page + "meshes.js");
 try {
   const { positions, normals, indices } = parse(bytes.buffer, "mine.ply");
-  const plain = { positions: [...positions], normals: [...normals], indices: [...indices] };
-  console.log(JSON.stringify(plain));
+  return { positions: [...positions], normals: [...normals], indices: [...indices] };
 } catch (error) {
-  console.log(JSON.stringify({ name: error.name, error: error.message }));
+  return { name: error.name, error: error.message };
 }
 """
 
 
 def parse(content):
-    return run(MESH, bytes=list(content))
+    return javascript.run(MESH, bytes=np.frombuffer(content, np.uint8))
 
 
 @pytest.mark.parametrize("kind", ["ply", "ply-ascii", "glb"])
@@ -303,30 +272,29 @@ def test_what_is_no_mesh_is_told(content, told):
 
 def test_the_outline_of_a_disc_is_a_circle():
     code = """
-    const { segments } = await page("view");
-    console.log(JSON.stringify(segments(Uint8Array.from(given.mask), given.size)));
+    const { segments } = await import(page + "view.js");
+    return segments(mask, size);
     """
     size = 64
     y, x = np.mgrid[:size, :size] + 0.5
     distance = np.hypot(x - 30, y - 33)
-    mask = np.rint(255 * np.clip(20.5 - distance, 0, 1)).astype(int)
-    found = np.array(run(code, mask=mask.ravel().tolist(), size=size))
+    mask = np.rint(255 * np.clip(20.5 - distance, 0, 1)).astype(np.uint8)
+    found = np.array(javascript.run(code, mask=mask, size=size))
     radius = np.hypot(found[..., 0] - 30, found[..., 1] - 33)
     assert radius == pytest.approx(20, abs=0.15)
     length = np.linalg.norm(found[:, 0] - found[:, 1], axis=-1).sum()
     assert length == pytest.approx(2 * np.pi * 20, rel=0.01)
     # All of it, and a mask that fills its square is closed around.
-    full = np.array(run(code, mask=[255] * 16, size=4))
+    full = np.array(javascript.run(code, mask=np.full(16, 255, np.uint8), size=4))
     assert full.min() == 0 and full.max() == 4
 
 
 BESIDE = """
-const { placeBeside } = await page("view");
-const places = given.boxes.map(([[left, top, right, bottom], before]) => {
+const { placeBeside } = await import(page + "view.js");
+return boxes.map(([[left, top, right, bottom], before]) => {
   const place = placeBeside({ left, top, right, bottom }, 640, 480, before);
   return [place.left, place.top, place.side, place.onRight];
 });
-console.log(JSON.stringify(places));
 """
 
 
@@ -349,12 +317,12 @@ def test_the_second_object_has_its_place_beside_the_first():
         # A small object's second is not as small.
         ((300, 200, 320, 220), True): (320, 114, 192, True),
     }
-    found = run(BESIDE, boxes=list(places))
+    found = javascript.run(BESIDE, boxes=list(places))
     assert found == [pytest.approx(place) for place in places.values()]
 
 
 RESTARTS = """
-const { createEngine } = await page("server_engine");
+const { createEngine } = await import(page + "server_engine.js");
 const asked = [];
 globalThis.fetch = async (path, { body }) => {
   const length = new DataView(await body.slice(0, 4).arrayBuffer()).getUint32(0, true);
@@ -373,10 +341,10 @@ const image = { width: 1, height: 1, data: new Uint8Array(4) };
 for (const number of [0, 1, 2, 3, 4]) {
   await engine.estimate({ number, image, mask: null, options: {} }).catch(() => {});
 }
-console.log(JSON.stringify(asked));
+return asked;
 """
 
 
 def test_a_restart_is_not_lost_while_a_frame_is_on_its_way():
     """Nor with the frame that nobody answers: the next one asks for it again."""
-    assert run(RESTARTS) == [True, False, True, True, False]
+    assert javascript.run(RESTARTS) == [True, False, True, True, False]
