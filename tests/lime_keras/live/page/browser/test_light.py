@@ -27,25 +27,20 @@ def coverage(inside):
     return mask.astype(np.float32)
 
 
-@pytest.mark.parametrize("inside", INSIDE.values(), ids=INSIDE)
-def test_normals_are_those_of_python(inside):
-    mask = coverage(inside)
-    found = javascript.run(
-        'return (await import(page + "browser/normals.js")).normals(mask, 48, 48);', mask=mask
-    )
-    expected = guessed_normals.normals(mask[..., None])
-    np.testing.assert_allclose(found.reshape(SIZE, SIZE, 3), expected, atol=1e-6)
+# Wider than the grid on which the dome is solved; not square.
+V, U = np.mgrid[:101, :260]
+LARGE = (((V - 50) / 45) ** 2 + ((U - 140) / 110) ** 2 < 1).astype(np.float32)
 
 
-def test_normals_of_a_large_mask_are_those_of_python():
-    """Wider than the grid on which the dome is solved; not square."""
-    rows, columns = np.mgrid[:101, :260]
-    mask = (((rows - 50) / 45) ** 2 + ((columns - 140) / 110) ** 2 < 1).astype(np.float32)
+@pytest.mark.parametrize("mask", [*map(coverage, INSIDE.values()), LARGE], ids=[*INSIDE, "large"])
+def test_normals_are_those_of_python(mask):
     found = javascript.run(
-        'return (await import(page + "browser/normals.js")).normals(mask, 101, 260);', mask=mask
+        'return (await import(page + "browser/normals.js")).normals(mask, ...shape);',
+        mask=mask,
+        shape=mask.shape,
     )
     expected = guessed_normals.normals(mask[..., None])
-    np.testing.assert_allclose(found.reshape(101, 260, 3), expected, atol=1e-6)
+    np.testing.assert_allclose(found.reshape(*mask.shape, 3), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("known", ["both", "M", "D", "one lamp"])
