@@ -112,14 +112,19 @@ def shown(page):
     return json.loads(chromium.taken(page, "#save-json"))
 
 
+def answered(page):
+    """Give the ball and return what is shown of it."""
+    give(page, png(FRAME))
+    return shown(page)
+
+
 def fill(page, **values):
     for name, value in values.items():
         page.locator(f"#{name}").fill(str(value))
 
 
 def test_a_photos_numbers_are_those_of_the_estimator(page, estimator):
-    give(page, png(FRAME))
-    found, expected = shown(page), estimator.estimate(FRAME).to_json()
+    found, expected = answered(page), estimator.estimate(FRAME).to_json()
     assert found["picture"] == "ball.png"
     for name in ("diffuse_albedo", "specular_albedo", "exponent", "exponent_bin_probabilities"):
         assert found[name] == pytest.approx(expected[name], rel=1e-4), name
@@ -260,8 +265,7 @@ def test_a_camera_that_cannot_be_had_is_told(fault, told, browser, server):
         page.click("#camera")
         seen(page, "#message").to_contain_text(told, timeout=LONG)
         # And a photo still works.
-        give(page, png(FRAME))
-        shown(page)
+        answered(page)
         seen(page, "#message").to_be_hidden()
 
 
@@ -325,8 +329,7 @@ def test_a_frame_that_cannot_be_estimated_greys_the_last_good_one(page):
 
 
 def test_a_photo_that_cannot_be_estimated_leaves_the_one_before(page):
-    give(page, png(FRAME))
-    before, good = shown(page), picture(page)
+    before, good = answered(page), picture(page)
     broken(page)
     give(page, png(FRAME[:, ::-1] // 2), "second.png")
     seen(page, "#message").to_have_text("this one is broken", timeout=LONG)
@@ -339,8 +342,7 @@ def test_a_photo_that_cannot_be_estimated_leaves_the_one_before(page):
 def test_a_picture_without_an_object_has_no_numbers(page, estimator):
     plain = np.zeros((64, 64, 3), np.uint8)
     assert estimator.estimate(plain).mask_coverage == 0
-    give(page, png(FRAME))
-    shown(page)
+    answered(page)
     give(page, png(plain), "plain.png")
     seen(page, "#coverage").to_have_text("no object", timeout=LONG)
     seen(page, "#exponent").to_have_text("–")
@@ -391,8 +393,7 @@ def test_a_picture_that_only_the_server_can_read(page):
 
 def test_the_object_is_shaded_by_the_sums_of_the_library(page):
     """From the sliders through worker and shader to the picture that is saved."""
-    give(page, png(FRAME))
-    shown(page)
+    answered(page)
     page.click("[data-shape=sphere]")
     page.click("[data-light=studio]")
     fill(page, red=0.6, green=0.3, blue=0.1, ms=0.4, logs=1.5, stops=-1)
@@ -427,8 +428,7 @@ def test_a_slider_that_goes_and_comes_back_leaves_the_object_as_it_was(page):
     """The way back ends while the first table is still summed, and the way's own one waits."""
     page.click("[data-light=studio]")
     page.wait_for_selector("body[data-lit]", timeout=LONG)
-    give(page, png(FRAME))
-    shown(page)
+    answered(page)
     move = """(values) => {
       const slider = document.getElementById("logs");
       for (const value of values) {
@@ -445,8 +445,7 @@ def test_a_slider_that_goes_and_comes_back_leaves_the_object_as_it_was(page):
 
 
 def test_what_is_taken_home_and_given_back(page):
-    give(page, png(FRAME))
-    estimate = shown(page)
+    estimate = answered(page)
     fill(page, ms=0.9)
     found = json.loads(chromium.taken(page, "#save-json"))
     assert found["edited"]["specular_albedo"] == 0.9
@@ -465,8 +464,7 @@ def test_what_is_taken_home_and_given_back(page):
 
 
 def test_a_painted_mask_changes_the_estimate(page):
-    give(page, png(FRAME))
-    before = shown(page)
+    before = answered(page)
     # The picture stays as it is after one that cannot be taken.
     give(page, png(np.zeros((1, 1, 3), np.uint8)))
     seen(page, "#stage").to_have_class("stage stale", timeout=LONG)
@@ -516,8 +514,7 @@ SLOW = """
 def test_the_times_of_the_parts_follow_a_slow_camera(browser, server):
     """Each frame with a material then has a light, too."""
     with opened(browser, server.url, SLOW) as page:
-        give(page, png(FRAME))
-        shown(page)
+        answered(page)
         page.click("#camera")
         seen(page, "#speed").to_be_visible(timeout=LONG)
         before = page.inner_text("#timing")
@@ -529,8 +526,7 @@ def test_the_times_of_the_parts_follow_a_slow_camera(browser, server):
 def test_of_two_quick_strokes_the_last_answer_has_both(browser, server):
     """The first one's answer comes when the second is on its way already."""
     with opened(browser, server.url, SLOW) as page:
-        give(page, png(FRAME))
-        before = shown(page)["mask_coverage"]
+        before = answered(page)["mask_coverage"]
         page.click("#brush")
         fill(page, **{"brush-size": 12})
         left, top, width, height = fitted(page, FRAME)
@@ -548,8 +544,7 @@ def test_of_two_quick_strokes_the_last_answer_has_both(browser, server):
 
 
 def test_keys_do_what_the_buttons_do(page):
-    give(page, png(FRAME))
-    shown(page)
+    answered(page)
     page.keyboard.press("1")
     seen(page, "[data-shape=sphere]").to_have_attribute("aria-checked", "true")
     empty = """() => { const { width, height } = document.getElementById("overlay");
@@ -604,8 +599,7 @@ BEYOND = """
 @pytest.mark.parametrize("width", [360, 700, 870, 1024, 1400])
 def test_nothing_is_cut_off_at_any_width(width, page):
     page.set_viewport_size({"width": width, "height": 900})
-    give(page, png(FRAME))
-    shown(page)
+    answered(page)
     page.click("#brush")
     seen(page, "#brush-tools").to_be_visible()
     assert page.evaluate(BEYOND) == []
@@ -641,8 +635,7 @@ def test_warnings_hide_nothing_of_the_picture(size, page):
 def test_nothing_wraps_on_a_small_desktop(page):
     """Each row of numbers, and of buttons, is one line."""
     page.set_viewport_size({"width": 1280, "height": 800})
-    give(page, png(FRAME))
-    shown(page)
+    answered(page)
     page.evaluate("text => (document.getElementById('gloss').textContent = text)", LONGEST)
     rows = [row.bounding_box()["height"] for row in page.locator(".numbers div").all()]
     assert max(rows) < 32
@@ -652,8 +645,7 @@ def test_nothing_wraps_on_a_small_desktop(page):
 
 
 def test_a_gloss_is_told_in_words_with_its_interval(page, estimator):
-    give(page, png(FRAME))
-    numbers = shown(page)
+    numbers = answered(page)
     material = estimator.estimate(FRAME)
     assert numbers["gloss"] == page.inner_text("#gloss") == material.gloss
     assert numbers["exponent_interval"] == pytest.approx(material.exponent_interval, rel=0.02)
@@ -725,8 +717,7 @@ def test_without_webgl_the_numbers_still_come(browser, server):
     """
     with opened(browser, server.url, without) as page:
         seen(page, "#object-message").to_contain_text("WebGL 2")
-        give(page, png(FRAME))
-        shown(page)
+        answered(page)
 
 
 def test_it_begins_with_the_photo_it_was_started_with(browser, estimator, tmp_path):
