@@ -10,6 +10,8 @@ from pathlib import Path
 import clips
 import full_disk
 import numpy as np
+import onnx
+import onnx_files
 import OpenImageIO as oiio
 import pytest
 
@@ -254,19 +256,11 @@ def test_a_mask_beside_a_photo_that_does_not_fit_is_told(mask, told, folder, tin
 
 def test_a_masker_finds_the_object(folder, tiny_model, tmp_path, capsys):
     """It is taken where no mask is given; its family stands before a colon."""
-    from onnx import TensorProto, helper, save
-
     weights_file = tmp_path / "left.onnx"
     half = np.broadcast_to(np.arange(8) < 4, (1, 1, 8, 8)).astype(np.float32) * 0.9
-    made = helper.make_tensor("half", TensorProto.FLOAT, half.shape, half.ravel())
-    ends = [
-        [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, channels, 8, 8])]
-        for name, channels in (("image", 3), ("mask", 1))
-    ]
-    nodes = [helper.make_node("Constant", [], ["mask"], value=made)]
-    graph = helper.make_graph(nodes, "masker", *ends)
-    opset = [helper.make_opsetid("", 17)]
-    save(helper.make_model(graph, opset_imports=opset, ir_version=8), weights_file)
+    nodes = [onnx.helper.make_node("Identity", ["half"], ["mask"])]
+    shapes = {"image": [1, 3, 8, 8]}, {"mask": [1, 1, 8, 8]}
+    onnx.save(onnx_files.made(nodes, *shapes, {"half": half}), weights_file)
     write(folder / "b_mask.png", masked((33, 20), 0, 20))
     for text in (weights_file, f"isnet:{weights_file}"):
         arguments = (folder, "--masker", text, "--only", "albedo", "--overwrite")

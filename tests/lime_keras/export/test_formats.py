@@ -5,10 +5,10 @@ import shutil
 
 import numpy as np
 import onnx
+import onnx_files
 import onnxruntime
 import pytest
 import tensorflow as tf
-from onnx import numpy_helper
 
 from lime_keras.export import exporter, formats, parity
 from lime_keras.model import weights
@@ -149,20 +149,8 @@ def test_operands_get_shapes_that_are_fast_and_no_value_changes():
         onnx.helper.make_node("Add", ["floored", "floored"], ["doubled"], "fifth"),
         onnx.helper.make_node("Mul", ["difference", "half"], ["halved"], "sixth"),
     ]
-
-    def info(name, shape):
-        return onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, shape)
-
     outputs = {"halved": shapes["rgb"], "doubled": shapes["grey"], "raised": shapes["row"]}
-    graph = onnx.helper.make_graph(
-        nodes,
-        "operands",
-        [info(*row) for row in shapes.items()],
-        [info(*row) for row in outputs.items()],
-        [numpy_helper.from_array(np.array(0.5, np.float32), "half")],
-    )
-    opset = onnx.helper.make_opsetid("", formats.OPSET)
-    model = onnx.helper.make_model(graph, opset_imports=[opset], ir_version=8)
+    model = onnx_files.made(nodes, shapes, outputs, {"half": np.array(0.5, np.float32)})
     rng = np.random.default_rng(0)
     given = {
         name: rng.uniform(size=(2, *shape[1:])).astype(np.float32) for name, shape in shapes.items()

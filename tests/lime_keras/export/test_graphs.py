@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import onnx
+import onnx_files
 import pytest
 from onnx import numpy_helper
 from whole_engines import Network
@@ -95,12 +96,7 @@ def test_what_float16_does_not_hold_exactly_is_not_narrowed(value):
     values = np.ones((16, 16), np.float32)
     values[3, 4] = value
     nodes = [onnx.helper.make_node("Add", ["x", "w"], ["y"])]
-    tensors = [
-        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [16, 16]) for name in "xy"
-    ]
-    held = [numpy_helper.from_array(values, "w")]
-    graph = onnx.helper.make_graph(nodes, "sum", tensors[:1], tensors[1:], held)
-    model = onnx.helper.make_model(graph)
+    model = onnx_files.made(nodes, {"x": [16, 16]}, {"y": [16, 16]}, {"w": values})
     graphs._narrow(model)
     # Infinity is a number of float16; NaN is equal to nothing.
     kind = onnx.TensorProto.FLOAT16 if value == np.inf else onnx.TensorProto.FLOAT
@@ -155,7 +151,7 @@ def renamed(model, order):
 def test_a_graph_is_settled_by_what_it_computes_alone():
     """Equal constants are kept once, those that nothing reads are not."""
     ones, twos = np.ones((2, 2), np.float32), np.full((2, 2), 2, np.float32)
-    held = {"a": ones, "b": ones, "c": twos, "unread": twos + 1}
+    held = {"a": ones, "b": ones, "c": twos, "unread": twos + 1, "limit": np.float32(0.5)}
     nodes = [
         onnx.helper.make_node("Mul", ["x", "a"], ["u"]),
         onnx.helper.make_node("Split", ["u"], ["v", "w"], axis=0),
@@ -164,14 +160,7 @@ def test_a_graph_is_settled_by_what_it_computes_alone():
         onnx.helper.make_node("Add", ["y", "c"], ["z"]),
         onnx.helper.make_node("Neg", ["w"], ["unread too"]),
     ]
-    tensors = [
-        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [2, 2]) for name in "xyz"
-    ]
-    constants = [numpy_helper.from_array(values, name) for name, values in held.items()]
-    constants.append(numpy_helper.from_array(np.float32(0.5), "limit"))
-    model = onnx.helper.make_model(
-        onnx.helper.make_graph(nodes, "sum", tensors[:1], tensors[1:], constants)
-    )
+    model = onnx_files.made(nodes, {"x": [2, 2]}, {"y": [2, 2], "z": [2, 2]}, held)
     settled = []
     for order in (1, -1):
         changed = renamed(model, order)

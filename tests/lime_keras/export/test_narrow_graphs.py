@@ -2,6 +2,7 @@
 
 import numpy as np
 import onnx
+import onnx_files
 import pytest
 
 from lime_keras import Estimator
@@ -35,14 +36,9 @@ def overflowing(path, *, scale):
         onnx.helper.make_node("Div", ["large", "scale"], ["back"]),
         onnx.helper.make_node("Cast", ["back"], ["mask"], to=onnx.TensorProto.FLOAT),
     ]
-    tensors = [
-        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["batch", 8, 8, 3])
-        for name in ("image", "mask")
-    ]
-    number = onnx.numpy_helper.from_array(np.array(scale, np.float16), "scale")
-    graph = onnx.helper.make_graph(nodes[::-1], "g", tensors[:1], tensors[1:], [number])
-    opsets = [onnx.helper.make_opsetid("", formats.OPSET)]
-    onnx.save(onnx.helper.make_model(graph, opset_imports=opsets, ir_version=8), path)
+    image, mask = ({name: ["batch", 8, 8, 3]} for name in ("image", "mask"))
+    number = {"scale": np.array(scale, np.float16)}
+    onnx.save(onnx_files.made(nodes[::-1], image, mask, number), path)
 
 
 def test_a_file_is_sorted_and_the_second_runtime_sees_an_overflow(tmp_path):
@@ -61,15 +57,8 @@ def test_a_file_is_sorted_and_the_second_runtime_sees_an_overflow(tmp_path):
 def test_sums_over_pixels_keep_their_bits_in_float16(tmp_path):
     """Their terms reach float16's largest number together."""
     node = onnx.helper.make_node("ReduceMean", ["image"], ["mask"], axes=[1, 2], name="mean")
-    shapes = {"image": ["batch", 64, 64, 3], "mask": ["batch", 1, 1, 3]}
-    image, mask = (
-        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, shape)
-        for name, shape in shapes.items()
-    )
-    graph = onnx.helper.make_graph([node], "g", [image], [mask])
-    opsets = [onnx.helper.make_opsetid("", formats.OPSET)]
-    model = onnx.helper.make_model(graph, opset_imports=opsets, ir_version=8)
-    onnx.save(model, tmp_path / "half.onnx")
+    shapes = {"image": ["batch", 64, 64, 3]}, {"mask": ["batch", 1, 1, 3]}
+    onnx.save(onnx_files.made([node], *shapes), tmp_path / "half.onnx")
     quantisation.narrow(tmp_path / "half.onnx", "float16", [])
     half = onnx.load(tmp_path / "half.onnx")
     formats.settle(half)

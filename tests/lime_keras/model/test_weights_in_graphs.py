@@ -5,8 +5,8 @@ import shutil
 import json_files
 import numpy as np
 import onnx
+import onnx_files
 import pytest
-from onnx import numpy_helper
 
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights, weights_in_graphs
@@ -15,8 +15,7 @@ from lime_keras.model.weights_in_graphs import describe
 
 def held(**constants):
     """A graph of these constants that computes nothing."""
-    arrays = [numpy_helper.from_array(values, name) for name, values in constants.items()]
-    return onnx.helper.make_model(onnx.helper.make_graph([], "none", [], [], arrays))
+    return onnx_files.made([], {}, {}, constants)
 
 
 def read(path):

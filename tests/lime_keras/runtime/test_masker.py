@@ -2,6 +2,7 @@
 
 import numpy as np
 import onnx
+import onnx_files
 import onnxruntime
 import pytest
 from onnx import TensorProto, helper
@@ -16,14 +17,7 @@ def write(path, nodes, inputs=None, outputs=None, kind=FLOAT):
     """Write a network of `nodes` from `image` to `mask`."""
     inputs = inputs or {"image": [1, 3, 8, 8]}
     outputs = {"mask": [1, 1, None, None]} if outputs is None else outputs
-    graph = helper.make_graph(
-        nodes,
-        "masker",
-        [helper.make_tensor_value_info(name, kind, shape) for name, shape in inputs.items()],
-        [helper.make_tensor_value_info(name, kind, shape) for name, shape in outputs.items()],
-    )
-    version = helper.make_opsetid("", 17)
-    onnx.save(helper.make_model(graph, opset_imports=[version], ir_version=8), path)
+    onnx.save(onnx_files.made(nodes, inputs, outputs, kind=kind), path)
     return path
 
 
