@@ -8,11 +8,12 @@ import numpy as np
 import OpenImageIO as oiio
 import pillow_heif
 import pytest
-from icc_profiles import FORMULA, GAMMA, LINEAR, TABLE, TO_XYZ_D50, profile
+from icc_profiles import FORMULA, GAMMA, LINEAR, TABLE, TO_BT2020, TO_P3, TO_XYZ_D50, profile
 from PIL import Image
 from written_pictures import write
 
 from lime_keras.io import colour_space, photo
+from tests.stability.srgb_standard import encoded as srgb
 
 # A chart of linear Rec. 709, inside the gamut of every space below.
 PATCHES = np.array(
@@ -22,9 +23,7 @@ PATCHES = np.array(
     ]
 )
 SIDE = 16
-# From linear Rec. 709 to other linear spaces, as their publications print the matrices, rounded.
-TO_P3 = np.array([[0.8225, 0.1774, 0.0], [0.0332, 0.9669, 0.0], [0.0171, 0.0724, 0.9108]])
-TO_BT2020 = np.array([[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]])
+# From linear Rec. 709 to more linear spaces, as their publications print the matrices, rounded.
 TO_ADOBE = np.array([[0.71513, 0.28487, 0], [0, 1, 0], [0, 0.04117, 0.95883]])
 TO_AP1 = np.array([[0.6131, 0.3395, 0.0474], [0.0702, 0.9164, 0.0135], [0.0206, 0.1096, 0.8698]])
 TO_AP0 = np.array([[0.4397, 0.3830, 0.1773], [0.0898, 0.8134, 0.0968], [0.0175, 0.1115, 0.8709]])
@@ -33,10 +32,6 @@ AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
 
 
 exr = functools.partial(write, kind=oiio.HALF)
-
-
-def srgb(linear):
-    return np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def chart(values):

@@ -14,6 +14,7 @@ from lime_keras import Estimator
 from lime_keras.io import normal_map, photo, picture_file, scanner
 from lime_keras.render.scene import backgrounds, environments
 from tests.fuzz import seeds
+from tests.stability.srgb_standard import encoded
 
 HEIGHT, WIDTH = 32, 48
 
@@ -58,10 +59,6 @@ def parts(path, named):
 
 def named(layer, letters="RGB"):
     return [f"{layer}.{letter}" for letter in letters]
-
-
-def encoded(linear):
-    return np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 # Doors.

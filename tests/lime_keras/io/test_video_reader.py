@@ -10,9 +10,11 @@ import av
 import clips
 import numpy as np
 import pytest
+from icc_profiles import TO_BT2020, TO_P3
 
 from lime_keras.io import video_reader
 from lime_keras.io.video_reader import Footage, oriented
+from tests.stability.srgb_standard import encoded
 
 
 def read(source):
@@ -311,22 +313,13 @@ def test_interlaced_frames_and_several_videos_are_remarked(tmp_path):
     assert sum("is interlaced" in remark for remark in remarks) == 1
 
 
-# Linear Rec. 709 to Display P3 and BT.2020, as their publications print the matrices.
-TO_P3 = np.array([[0.8225, 0.1774, 0.0], [0.0332, 0.9669, 0.0], [0.0171, 0.0724, 0.9108]])
-TO_BT2020 = np.array([[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]])
-
-
-def encode_srgb(linear):
-    return np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
 @pytest.mark.parametrize(
     ("numbers", "matrix", "encode"),
     [
-        ((12, 13), TO_P3, encode_srgb),
-        ((12, 2), TO_P3, encode_srgb),
-        ((9, 14), TO_BT2020, encode_srgb),
-        ((9, 1), TO_BT2020, encode_srgb),
+        ((12, 13), TO_P3, encoded),
+        ((12, 2), TO_P3, encoded),
+        ((9, 14), TO_BT2020, encoded),
+        ((9, 1), TO_BT2020, encoded),
         ((1, 4), np.eye(3), lambda linear: linear ** (1 / 2.2)),
         ((1, 8), np.eye(3), lambda linear: linear),
     ],
@@ -342,5 +335,5 @@ def test_primaries_and_curves_beyond_srgb_are_converted(numbers, matrix, encode,
         tmp_path / "a.mp4", image.astype(np.uint8), codec="libx264", tags=tags, **colours
     )
     found, _, remarks = read(path)
-    np.testing.assert_allclose(found[0, 32, 32] / 255, encode_srgb(linear), atol=0.02)
+    np.testing.assert_allclose(found[0, 32, 32] / 255, encoded(linear), atol=0.02)
     assert remarks == []
