@@ -17,6 +17,12 @@ from lime_keras.io.scanner import (
 )
 
 
+def make(folder, *names):
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"")
+
+
 def test_names_tell_videos_and_cameras():
     for name in ("a.mp4", "a/b.MOV", "x.webm"):
         assert is_video(name) and not is_camera(name)
@@ -27,8 +33,8 @@ def test_names_tell_videos_and_cameras():
 
 
 def test_a_mask_lies_beside_its_photo(tmp_path):
-    for name in ("a.jpg", "a_mask.png", "b.PNG", "b_mask.png", "c_mask.png", "d.png", "d_mask.jpg"):
-        (tmp_path / name).touch()
+    make(tmp_path, "a.jpg", "a_mask.png", "b.PNG", "b_mask.png", "c_mask.png")
+    make(tmp_path, "d.png", "d_mask.jpg")
     (tmp_path / "d_mask.png").mkdir()
     for name in "ab":
         mask = tmp_path / f"{name}_mask.png"
@@ -41,27 +47,18 @@ def test_a_mask_lies_beside_its_photo(tmp_path):
 
 
 def test_pictures_in_all_folders_below_in_a_fixed_order(tmp_path):
-    names = ("b.png", "a.JPG", "c.mp4", "notes.txt", "z/a.png", "d/e/f.webm", "d/x.tif")
-    for name in (*names, ".git/a.png", "partial-a/a.png", ".a.txt"):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_bytes(b"")
+    make(tmp_path, "b.png", "a.JPG", "c.mp4", "notes.txt", "z/a.png", "d/e/f.webm", "d/x.tif")
+    make(tmp_path, ".git/a.png", "partial-a/a.png", ".a.txt")
     (tmp_path / "z" / "loop").symlink_to(tmp_path)
     found = [path.relative_to(tmp_path).as_posix() for path in inside(tmp_path)]
     assert found == ["a.JPG", "b.png", "c.mp4", "d/x.tif", "d/e/f.webm", "z/a.png"]
 
 
 def test_what_the_command_wrote_is_no_source(tmp_path):
-    for name in ("a.png", "a-mask.png", "a-overlay.mp4", "b-mask.png"):
-        (tmp_path / name).write_bytes(b"")
+    make(tmp_path, "a.png", "a-mask.png", "a-overlay.mp4", "b-mask.png")
     (tmp_path / "b.json").write_text('{"files": ["b-mask.png"]}')
     result_json.write(tmp_path / "a.json", {}, {}, ["a-mask.png", "a-overlay.mp4", "a.json"])
     assert [path.name for path in inside(tmp_path)] == ["a.png", "b-mask.png"]
-
-
-def make(folder, *names):
-    for name in names:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(b"")
 
 
 def test_what_systems_leave_in_folders_is_no_photo(tmp_path):
