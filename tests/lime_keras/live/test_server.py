@@ -190,26 +190,24 @@ def test_what_is_no_frame_is_told_and_the_server_goes_on(server):
     assert ask(server, "POST", "/estimate", frame(FRAME))[0].status == 200
 
 
-def test_a_fault_of_the_estimate_is_told_and_the_server_goes_on(server, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("fault", "status", "told", "printed"),
+    [
+        (RuntimeError("a broken graph"), 500, "RuntimeError", "a broken graph"),
+        (MemoryError(), 400, "not enough memory", ""),
+    ],
+)
+def test_a_fault_of_the_estimate_is_told_and_the_server_goes_on(
+    fault, status, told, printed, server, monkeypatch, capsys
+):
     def broken(*_):
-        raise RuntimeError("a broken graph")
+        raise fault
 
     with monkeypatch.context() as patch:
         patch.setattr(server.session, "process", broken)
         answer, content = ask(server, "POST", "/estimate", frame(FRAME))
-        assert answer.status == 500 and "RuntimeError" in json.loads(content)["error"]
-    assert "a broken graph" in capsys.readouterr().err
-    assert ask(server, "POST", "/estimate", frame(FRAME))[0].status == 200
-
-
-def test_want_of_memory_is_told_and_the_server_goes_on(server, monkeypatch):
-    def full(*_):
-        raise MemoryError
-
-    with monkeypatch.context() as patch:
-        patch.setattr(server.session, "process", full)
-        answer, content = ask(server, "POST", "/estimate", frame(FRAME))
-        assert answer.status == 400 and "not enough memory" in json.loads(content)["error"]
+        assert answer.status == status and told in json.loads(content)["error"]
+    assert printed in capsys.readouterr().err
     assert ask(server, "POST", "/estimate", frame(FRAME))[0].status == 200
 
 
