@@ -6,6 +6,7 @@ import re
 import shutil
 
 import answer_files
+import json_files
 import lying_headers
 import numpy as np
 import pytest
@@ -39,13 +40,6 @@ def whole(written, corpus):
 def answers(written, tmp_path):
     """A copy of the answers, to be changed."""
     return shutil.copytree(written, tmp_path / "answers")
-
-
-def _edit(path, **changes):
-    """Write other values for keys of a JSON; None removes a key."""
-    held = json.loads(path.read_text(encoding="utf-8")) | changes
-    kept = {name: value for name, value in held.items() if value is not None}
-    path.write_text(json.dumps(kept), encoding="utf-8")
 
 
 def _same(found, expected, name):
@@ -155,7 +149,8 @@ def test_a_quantity_that_is_never_answered_has_no_measure(kept, columns, answers
 
 
 def test_probabilities_decide_the_bin_and_the_exponent_its_error(answers, corpus, whole):
-    _edit(answers / "00002.json", exponent=1000)
+    with json_files.edited(answers / "00002.json") as held:
+        held["exponent"] = 1000
     rows = evaluate_predictions(find(answers), corpus)
     assert rows["log_error"][2] == pytest.approx(abs(3 - whole["log_exponent"][2]), rel=1e-6)
     assert np.array_equal(rows["predicted_bin"], whole["predicted_bin"])
@@ -193,7 +188,8 @@ def test_the_answer_without_an_object_of_lime_estimate_is_taken(answers, corpus)
 )
 def test_numbers_that_are_none_are_named(changes, told, answers, corpus):
     path = answers / "00002.json"
-    _edit(path, **changes)
+    with json_files.edited(path) as held:
+        held.update(changes)
     with pytest.raises(ValueError, match=rf"^{re.escape(str(path))}: .*{told}"):
         evaluate_predictions(find(answers), corpus)
 
