@@ -111,7 +111,9 @@ BROKEN = {
 @pytest.mark.parametrize("name, module, replaced, broken", BROKEN.values(), ids=BROKEN)
 def test_a_mistake_turns_verdicts(name, module, replaced, broken, monkeypatch):
     monkeypatch.setattr(module, replaced, broken)
-    assert suite.failures([judged(name, "float32")])
+    sought = ("fresh LIME", name, "float32")
+    [case] = [c for c in networks.cases() if (c.part, c.name, c.precision) == sought]
+    assert suite.failures([case.judge()])
 
 
 def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
@@ -124,13 +126,3 @@ def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
     monkeypatch.setattr(exporter, "export", lambda *_: None)
     monkeypatch.setattr(onnx_graphs, "open_file", lambda path: Shifted(trial.folder))
     assert suite.failures([case.judge()])
-
-
-def judged(name, precision):
-    """The verdict on a case of a small system that was not tried before."""
-    [case] = [
-        c
-        for c in networks.cases()
-        if (c.part, c.name, c.precision) == ("fresh LIME", name, precision)
-    ]
-    return case.judge()
