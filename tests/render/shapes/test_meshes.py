@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from mesh_checks import check, flat_normals, is_closed, volume
+from mesh_checks import check, flat_normals, is_closed, unit, volume
 
 from lime_keras.render.scene import gbuffer, sampling
 from lime_keras.render.shapes import meshes
@@ -79,10 +79,6 @@ def test_a_closed_mesh_inside_out_is_turned(tmp_path):
     trimesh.Trimesh(ball.vertices, ball.faces[:, ::-1], process=False).export(tmp_path / "in.stl")
     mesh = meshes.load(tmp_path / "in.stl")
     assert volume(mesh) > 0 and (mesh.vertices * mesh.normals).sum(1).min() > 0.9
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def export(vertices, faces, path, normals=None):

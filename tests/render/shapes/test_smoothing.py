@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from mesh_checks import unit
 
 from lime_keras.render.shapes import smoothing
 
@@ -10,10 +11,6 @@ from lime_keras.render.shapes import smoothing
 def turned(faces, share, seed=0):
     chosen = np.random.default_rng(seed).random(len(faces)) < share
     return np.where(chosen[:, None], faces[:, ::-1], faces)
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def consistent(vertices, faces):
