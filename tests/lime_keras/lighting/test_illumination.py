@@ -40,11 +40,19 @@ def _layers(radiance, normal, view, mask):
     return layers
 
 
-def _observed(radiance, **options):
+def _seen(radiance):
+    """What is observed of a ball under a map in camera space: normals, views, M, D and mask."""
     normal, view, mask = _ball()
-    return illumination.observe(
-        normal, view, *_layers(radiance, normal, view, mask), mask, **options
-    )
+    return normal, view, *_layers(radiance, normal, view, mask), mask
+
+
+def _observed(radiance):
+    return illumination.observe(*_seen(radiance))
+
+
+def _lit(light, normal, mask):
+    """The mean D of a ball under a light that was found."""
+    return np.mean(shading.diffuse(normal[mask[..., 0] > 0], *shading.texels(light)))
 
 
 def _smooth_light(seed=0):
@@ -97,8 +105,7 @@ def test_a_furnace_gives_a_furnace(level, known):
 def test_the_direction_of_a_cosine_lobe_from_d_alone(direction):
     towards = np.array(direction) / np.linalg.norm(direction)
     truth = np.maximum(environment.directions(*SHAPE) @ towards, 0)
-    normal, view, mask = _ball()
-    diffuse = _layers(truth, normal, view, mask)[1]
+    normal, view, _, diffuse, mask = _seen(truth)
     evidence = illumination.observe(normal, view, _unknown(), diffuse, mask)
     found = illumination.estimate(evidence)
     moment = np.einsum(
@@ -112,8 +119,7 @@ def test_the_direction_of_a_cosine_lobe_from_d_alone(direction):
 def test_d_adds_the_light_that_is_not_mirrored():
     """With the left half of the mirror image unknown, its lamp is still known from D."""
     truth = 0.2 + 3 * np.maximum(environment.directions(*SHAPE) @ np.array([-0.8, 0, 0.6]), 0) ** 4
-    normal, view, mask = _ball()
-    mirror, diffuse = _layers(truth, normal, view, mask)
+    normal, view, mirror, diffuse, mask = _seen(truth)
     mirror[normal[..., 0] < 0.15] = np.nan
     found = illumination.estimate(illumination.observe(normal, view, mirror, diffuse, mask))
     lit = shading.diffuse(normal[mask[..., 0] > 0], *shading.texels(found))
@@ -123,12 +129,9 @@ def test_d_adds_the_light_that_is_not_mirrored():
 def test_light_is_not_counted_twice():
     """The object lit by what was found has the D that was seen."""
     for seed in range(3):
-        truth = _smooth_light(seed)
-        normal, view, mask = _ball()
-        mirror, diffuse = _layers(truth, normal, view, mask)
+        normal, view, mirror, diffuse, mask = _seen(_smooth_light(seed))
         found = illumination.estimate(illumination.observe(normal, view, mirror, diffuse, mask))
-        lit = shading.diffuse(normal[mask[..., 0] > 0], *shading.texels(found))
-        assert np.mean(lit) == pytest.approx(np.mean(diffuse[mask > 0]), rel=0.02)
+        assert _lit(found, normal, mask) == pytest.approx(np.mean(diffuse[mask > 0]), rel=0.02)
 
 
 @pytest.mark.parametrize("level", [0.25, 1.0])
@@ -157,18 +160,14 @@ def test_as_printed_d_alone_and_m_alone_are_finite():
 
 def test_a_black_mirror_image_leaves_the_light_of_d():
     """What a network finds in a dull object: no reflection, which is no proof of darkness."""
-    normal, view, mask = _ball()
-    diffuse = _layers(_smooth_light(), normal, view, mask)[1]
+    normal, view, _, diffuse, mask = _seen(_smooth_light())
     evidence = illumination.observe(normal, view, np.zeros(mask.shape), diffuse, mask)
-    lit = shading.diffuse(
-        normal[mask[..., 0] > 0], *shading.texels(illumination.estimate(evidence))
-    )
-    assert np.mean(lit) == pytest.approx(np.mean(diffuse[mask > 0]), rel=0.05)
+    found = illumination.estimate(evidence)
+    assert _lit(found, normal, mask) == pytest.approx(np.mean(diffuse[mask > 0]), rel=0.05)
 
 
 def test_the_mask_leaves_out_what_is_not_the_object():
-    normal, view, mask = _ball()
-    mirror, diffuse = _layers(_smooth_light(), normal, view, mask)
+    normal, view, mirror, diffuse, mask = _seen(_smooth_light())
     half = mask * (np.arange(SIZE)[None, :, None] < SIZE // 2)
     expected = illumination.observe(normal, view, mirror, diffuse, half)
     spoilt = [np.where(half > 0, layer, 1e6) for layer in (mirror, diffuse)]
@@ -179,8 +178,7 @@ def test_the_mask_leaves_out_what_is_not_the_object():
 
 @pytest.mark.parametrize("value", [0.0, np.nan])
 def test_unknown_normals_count_nothing(value):
-    normal, view, mask = _ball()
-    layers = _layers(_smooth_light(), normal, view, mask)
+    normal, view, *layers, mask = _seen(_smooth_light())
     hole = np.arange(SIZE)[:, None, None] < SIZE // 3
     expected = illumination.observe(normal, view, *layers, mask * ~hole)
     found = illumination.observe(np.where(hole, value, normal), view, *layers, mask)
@@ -189,8 +187,7 @@ def test_unknown_normals_count_nothing(value):
 
 
 def test_normals_need_not_be_exactly_unit():
-    normal, view, mask = _ball()
-    layers = _layers(_smooth_light(), normal, view, mask)
+    normal, view, *layers, mask = _seen(_smooth_light())
     rng = np.random.default_rng(0)
     scaled = normal * rng.uniform(0.7, 1.3, (SIZE, SIZE, 1))
     expected = illumination.observe(normal, view, *layers, mask)
@@ -221,8 +218,7 @@ def test_one_bright_pixel_beside_a_dark_one():
 
 
 def test_grazing_pixels_alone_are_finite():
-    normal, view, mask = _ball()
-    layers = _layers(_smooth_light(), normal, view, mask)
+    normal, view, *layers, mask = _seen(_smooth_light())
     rim = mask * (np.sum(normal * view, axis=-1, keepdims=True) < 0.15)
     light = illumination.estimate(illumination.observe(normal, view, *layers, rim))
     assert np.all(np.isfinite(light)) and light.min() >= 0
