@@ -16,6 +16,7 @@ import pytest
 import tensorflow as tf
 import trimesh
 from in_process import InProcess
+from no_progress import nothing
 from render_scenes import describe, write_inputs
 
 from lime_keras.data import records
@@ -44,10 +45,6 @@ def inputs(tmp_path_factory):
 @pytest.fixture(scope="module")
 def description(inputs, mitsuba_choice):
     return describe(inputs, 5, mitsuba_choice.variant)
-
-
-def nothing(done, total):
-    """Follows no progress."""
 
 
 def render(out, description, choice, workers=0, on_example=nothing, **options):

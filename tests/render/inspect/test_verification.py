@@ -9,6 +9,7 @@ import json_files
 import numpy as np
 import pytest
 import sphere_corpus
+from no_progress import nothing
 
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
@@ -16,10 +17,6 @@ from lime_keras.optics import colour, shading
 from lime_keras.render.inspect import verification
 
 SHARDS = [range(3), range(3, 5)]
-
-
-def nothing(done, total):
-    """Follows no progress."""
 
 
 @pytest.fixture(scope="module")

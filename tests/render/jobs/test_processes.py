@@ -6,6 +6,7 @@ from collections import Counter
 
 import pytest
 import worker_tasks
+from no_progress import nothing
 
 from lime_keras.render.jobs import processes
 
@@ -15,10 +16,6 @@ def environment_kept(monkeypatch):
     """A pool sets these for its processes."""
     for name in processes.THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")
-
-
-def nothing(done, total):
-    """Follows no progress."""
 
 
 def test_a_file_that_kills_its_checker_is_named():

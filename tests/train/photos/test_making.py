@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+from no_progress import nothing
 from PIL import Image
 from sphere_corpus import example, write_split
 
@@ -39,10 +40,6 @@ def recipe(corpus):
         materials=("uniform",),
         paint="prints",
     )
-
-
-def _ignore(what, done, total):
-    pass
 
 
 def _same(one, other):
@@ -87,7 +84,7 @@ def test_any_number_of_processes_and_an_interruption_leave_the_same_bytes(
     making.make(recipe, photos, "photos", lambda *progress: told.append(progress))
     assert told == [("photos", 3, 7), ("photos", 6, 7), ("photos", 7, 7)]
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0, 1})
-    making.make(recipe, Kept(folders[1], 7, FEATURES, SIZE), "photos", _ignore)
+    making.make(recipe, Kept(folders[1], 7, FEATURES, SIZE), "photos", nothing)
     for path in sorted(folders[0].glob("*.np*")):
         assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
 
@@ -100,7 +97,7 @@ def test_after_an_interruption_behind_the_last_part_the_photos_are_complete(reci
     with pytest.raises(KeyboardInterrupt):
         making.make(recipe, photos, "photos", interrupt)
     assert not photos.is_complete
-    making.make(recipe, photos, "photos", _ignore)
+    making.make(recipe, photos, "photos", nothing)
     assert photos.is_complete
 
 
