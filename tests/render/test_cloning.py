@@ -41,6 +41,9 @@ def _photo(height=80, width=120, box=(20, 60, 30, 70)):
     return photo, mask
 
 
+PHOTO, MASK = _photo()
+
+
 def _box(changed):
     rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
     return rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
@@ -68,10 +71,9 @@ def test_what_is_flat_stands_on_the_boxs_lower_edge(slab):
 
 
 def test_the_mesh_turns_about_its_vertical(slab, monkeypatch):
-    photo, mask = _photo()
-    turned = cloning.clone(photo, mask, DULL, EVEN, slab)
+    turned = cloning.clone(PHOTO, MASK, DULL, EVEN, slab)
     monkeypatch.setattr(cloning, "_TURN", 0.0)
-    front = cloning.clone(photo, mask, DULL, EVEN, slab)
+    front = cloning.clone(PHOTO, MASK, DULL, EVEN, slab)
     assert structural_similarity(front, turned, channel_axis=-1, data_range=1.0) < 0.98
 
 
@@ -82,11 +84,10 @@ def test_a_mesh_whose_up_is_z_stands_as_one_whose_up_is_y(slab, tmp_path):
     x, y, z = mesh.vertices.T
     mesh.vertices = np.stack([x, -z, y], axis=-1)
     mesh.export(path)
-    photo, mask = _photo()
-    expected = cloning.clone(photo, mask, DULL, EVEN, slab)
-    found = cloning.clone(photo, mask, DULL, EVEN, path, up="z")
+    expected = cloning.clone(PHOTO, MASK, DULL, EVEN, slab)
+    found = cloning.clone(PHOTO, MASK, DULL, EVEN, path, up="z")
     np.testing.assert_allclose(found, expected, atol=1e-3)
-    assert np.abs(cloning.clone(photo, mask, DULL, EVEN, path) - expected).max() > 0.1
+    assert np.abs(cloning.clone(PHOTO, MASK, DULL, EVEN, path) - expected).max() > 0.1
 
 
 @pytest.mark.parametrize("up", cloning.UPRIGHT)
@@ -116,9 +117,8 @@ def test_a_shadow_darkens_the_ground_beside_the_lamp_and_nothing_else(ball):
 
 def test_a_shadow_of_light_from_below_changes_nothing(ball):
     light = np.where(environment.directions(*SHAPE)[..., 1] < -0.5, 1.0, 0.0)
-    photo, mask = _photo()
     with_shadow, without = (
-        cloning.clone(photo, mask, DULL, light, ball, shadow=shadow) for shadow in (True, False)
+        cloning.clone(PHOTO, MASK, DULL, light, ball, shadow=shadow) for shadow in (True, False)
     )
     np.testing.assert_array_equal(with_shadow, without)
 
@@ -126,15 +126,14 @@ def test_a_shadow_of_light_from_below_changes_nothing(ball):
 @pytest.mark.parametrize("shadow", [False, True])
 def test_a_transparent_background_stays(ball, shadow):
     """A cut-out: composed over any ground it is as the clone in a photo of that ground."""
-    _, mask = _photo()
-    cut = mask * np.array([1.0, 0, 0], np.float32)
-    found = cloning.clone(cut, mask, DULL, EVEN, ball, shadow=shadow, alpha=mask)
+    cut = MASK * np.array([1.0, 0, 0], np.float32)
+    found = cloning.clone(cut, MASK, DULL, EVEN, ball, shadow=shadow, alpha=MASK)
     assert found.shape == (80, 120, 4) and found.dtype == np.float32
     assert np.all(found[..., :3] <= found[..., 3:] + 1e-6) and found.min() >= 0
     assert found[:16].max() == 0 and found[40, 50, 3] == 1
     for level in (0.0, 0.7):
         ground = np.full((80, 120, 3), level, np.float32)
-        seen = cloning.clone(np.where(mask > 0, cut, ground), mask, DULL, EVEN, ball, shadow=shadow)
+        seen = cloning.clone(np.where(MASK > 0, cut, ground), MASK, DULL, EVEN, ball, shadow=shadow)
         alpha = found[..., 3:]
         colours = colour.srgb_to_linear(found[..., :3] / np.maximum(alpha, 1e-9))
         linear = alpha * colours + (1 - alpha) * colour.srgb_to_linear(ground)
@@ -142,41 +141,37 @@ def test_a_transparent_background_stays(ball, shadow):
 
 
 def test_alpha_of_one_changes_nothing(ball):
-    photo, mask = _photo()
-    plain = cloning.clone(photo, mask, DULL, EVEN, ball, shadow=True)
-    found = cloning.clone(photo, mask, DULL, EVEN, ball, shadow=True, alpha=np.ones_like(mask))
+    plain = cloning.clone(PHOTO, MASK, DULL, EVEN, ball, shadow=True)
+    found = cloning.clone(PHOTO, MASK, DULL, EVEN, ball, shadow=True, alpha=np.ones_like(MASK))
     np.testing.assert_allclose(found[..., :3], plain, atol=1e-6)
     assert np.all(found[..., 3] == 1)
 
 
 def test_a_half_transparent_photo_keeps_its_alpha(ball):
-    photo, mask = _photo()
-    half = np.full_like(mask, 0.5)
-    found = cloning.clone(0.5 * photo, mask, DULL, EVEN, ball, alpha=half)
-    far = np.ones(mask.shape[:2], bool)
+    half = np.full_like(MASK, 0.5)
+    found = cloning.clone(0.5 * PHOTO, MASK, DULL, EVEN, ball, alpha=half)
+    far = np.ones(MASK.shape[:2], bool)
     far[15:65, 25:75] = False
-    assert np.array_equal(found[far, :3], 0.5 * photo[far]) and np.all(found[far, 3] == 0.5)
+    assert np.array_equal(found[far, :3], 0.5 * PHOTO[far]) and np.all(found[far, 3] == 0.5)
     assert found[40, 50, 3] == 1
-    tiny = cloning.clone(photo, mask, DULL, EVEN, ball, alpha=np.full_like(mask, 1e-38))
+    tiny = cloning.clone(PHOTO, MASK, DULL, EVEN, ball, alpha=np.full_like(MASK, 1e-38))
     assert np.isfinite(tiny).all() and tiny.max() <= 1
-    straight = cloning.clone(photo, mask, DULL, EVEN, ball)
+    straight = cloning.clone(PHOTO, MASK, DULL, EVEN, ball)
     np.testing.assert_allclose(found[40, 50, :3], straight[40, 50], atol=1e-5)
 
 
 def test_in_a_furnace_the_ball_has_its_albedos_colour(ball):
     """Linear radiance m_d · 0.5, in the photo's own unit, as sRGB."""
-    photo, mask = _photo()
-    picture = cloning.clone(photo, mask, DULL, EVEN, ball)
+    picture = cloning.clone(PHOTO, MASK, DULL, EVEN, ball)
     expected = colour.linear_to_srgb(0.5 * DULL.diffuse_albedo)
     assert picture[40, 50] == pytest.approx(expected, abs=2e-3)
-    brighter = cloning.clone(photo, mask, DULL, 10 * EVEN, ball)
+    brighter = cloning.clone(PHOTO, MASK, DULL, 10 * EVEN, ball)
     assert brighter[40, 50] == pytest.approx(np.ones(3), abs=1e-5)
 
 
 def test_light_from_the_right_lights_the_right_side(ball):
     light = 0.01 + 3 * np.maximum(environment.directions(*SHAPE) @ np.array([1.0, 0, 0]), 0)
-    photo, mask = _photo()
-    picture = cloning.clone(photo, mask, DULL, light, ball)
+    picture = cloning.clone(PHOTO, MASK, DULL, light, ball)
     assert picture[40, 62, 0] > picture[40, 38, 0] + 0.2
 
 
@@ -196,13 +191,12 @@ def test_the_highlight_is_where_eq_3_puts_it(ball):
 
 
 def test_the_old_object_is_gone_and_the_rest_untouched(slab):
-    photo, mask = _photo()
-    picture = cloning.clone(photo, mask, DULL, EVEN, slab)
+    picture = cloning.clone(PHOTO, MASK, DULL, EVEN, slab)
     ramp, _ = _photo(box=(0, 0, 0, 0))
     assert np.abs(picture - ramp)[:28].max() < 0.02  # above the slab, where the block was
-    far = np.ones(photo.shape[:2], bool)
+    far = np.ones(PHOTO.shape[:2], bool)
     far[15:65, 25:75] = False
-    assert np.array_equal(picture[far], photo[far])
+    assert np.array_equal(picture[far], PHOTO[far])
 
 
 def test_edges_are_antialiased(ball):
@@ -214,10 +208,9 @@ def test_edges_are_antialiased(ball):
 
 
 def test_large_objects_are_rendered_smaller_and_enlarged(ball, monkeypatch):
-    photo, mask = _photo()
-    full = cloning.clone(photo, mask, DULL, EVEN, ball)
+    full = cloning.clone(PHOTO, MASK, DULL, EVEN, ball)
     monkeypatch.setattr(cloning, "_MOST_PIXELS", 24)
-    coarse = cloning.clone(photo, mask, DULL, EVEN, ball)
+    coarse = cloning.clone(PHOTO, MASK, DULL, EVEN, ball)
     assert np.mean(np.abs(full - coarse)) < 0.01
     assert coarse[40, 50] == pytest.approx(full[40, 50], abs=1e-3)
 
@@ -233,12 +226,11 @@ def test_an_object_as_large_as_the_photo_or_a_pixel(ball, box):
 
 
 def test_what_cannot_be_cloned_is_told(ball, tmp_path):
-    photo, mask = _photo()
     with pytest.raises(ValueError, match="without `only`"):
-        cloning.clone(photo, mask, dataclasses.replace(DULL, exponent=None), EVEN, ball)
+        cloning.clone(PHOTO, MASK, dataclasses.replace(DULL, exponent=None), EVEN, ball)
     with pytest.raises(ValueError, match="must shine"):
-        cloning.clone(photo, mask, DULL, 0 * EVEN, ball)
+        cloning.clone(PHOTO, MASK, DULL, 0 * EVEN, ball)
     with pytest.raises(ValueError, match="finite"):
-        cloning.clone(photo, mask, DULL, np.nan * EVEN, ball)
+        cloning.clone(PHOTO, MASK, DULL, np.nan * EVEN, ball)
     with pytest.raises(ValueError, match=r"none\.ply .*No such file"):
-        cloning.clone(photo, mask, DULL, EVEN, tmp_path / "none.ply")
+        cloning.clone(PHOTO, MASK, DULL, EVEN, tmp_path / "none.ply")
