@@ -146,11 +146,7 @@ def _errors(
 def _timed(
     paths: Mapping[TimedUse, Path], runs: Mapping[str, Path], results: Path
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Time all cases in turns.
-
-    Returns:
-        A row for each case with its rounds pooled, and when the first and the last was timed.
-    """
+    """Time all cases in turns; return a row for each, and when the first and last was timed."""
     about = machine.describe()
     of_what = {
         **timing.EFFORT,

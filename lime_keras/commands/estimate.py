@@ -48,15 +48,10 @@ More: docs/how-to/photos.md, docs/how-to/folders.md, docs/how-to/videos.md, docs
 
 
 class _Source(NamedTuple):
-    """A photo or a video.
+    """A photo or a video."""
 
-    Attributes:
-        text: path of its file, or name of a camera.
-        place: path after which its files are named: relative to the folder it was found in.
-    """
-
-    text: str
-    place: Path
+    text: str  # path of its file, or name of a camera
+    place: Path  # after which its files are named: relative to the folder it was found in
 
     @property
     def is_video(self) -> bool:

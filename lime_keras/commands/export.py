@@ -1,6 +1,7 @@
 """`lime-export`: write a model as SavedModel, ONNX, weights of half the size, or graphs."""
 
 import argparse
+import os
 from pathlib import Path
 
 from lime_keras import console
@@ -25,7 +26,8 @@ over the output's mean magnitude. Where they are too large, no file is written.
   format      writes                 for
   savedmodel  OUT/saved_model/1/     TensorFlow, TensorFlow Serving
   onnx        OUT/lime.onnx          ONNX Runtime; with --precision, OUT/lime-float16.onnx and so on
-  weights     OUT/model/             --weights OUT of every command: float16, half the size
+  weights     OUT/model/             --weights OUT of lime-train, lime-eval and lime-export:
+                                     float16, half the size
   graphs      OUT/onnx/              --weights OUT of every command: an ONNX file a subnetwork; with
                                      --precision int8, OUT/onnx-int8/ beside it, for
                                      --precision int8 of lime-estimate and lime-live
@@ -92,6 +94,7 @@ def main(argv: list[str] | None = None) -> int:
 def _export(options: argparse.Namespace) -> int:
     console.check_folder(options.out, "OUT")
     console.require("lime-export", *console.EXPORTING)
+    os.environ["KERAS_BACKEND"] = "tensorflow"  # whose tracing writes all formats
     console.import_tensorflow()
     from lime_keras.export.exporter import FORMATS, export, target
 

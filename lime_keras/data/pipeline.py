@@ -230,11 +230,7 @@ def read_record(span: tuple[Path, int, int]) -> bytes:
 
 
 def _check_records(path: Path) -> None:
-    """Decode all records of a shard.
-
-    Raises:
-        ValueError: if a record is damaged; the message names the first damaged record.
-    """
+    """Decode all records of a shard; raise a ValueError that names the first damaged one."""
     count = 0
     try:
         for serialized in tf.data.TFRecordDataset(str(path)):

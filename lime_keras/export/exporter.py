@@ -42,7 +42,8 @@ class _Model:
 
     @property
     def card(self) -> dict[str, Any]:
-        return model_card.card(self.loaded.architecture, self.network, self.precision)
+        lobe = model_folder.lobe(self.folder)
+        return model_card.card(self.loaded.architecture, self.network, self.precision, lobe)
 
 
 def _write_saved_model(model: _Model, path: Path) -> Answering:
@@ -158,6 +159,9 @@ def export(
         _refuse_others(path, row.whole)
         if model_format == GRAPHS:
             _refuse_others(folder / "model", model_folder.ARCHITECTURE)
+            _refuse_other_weights(folder, weights_folder)
+    if model_format == SAVED_MODEL:
+        _refuse_others(path, str(CARD))
     # Two commands may export the same run at once.
     with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
         engine = row.write(model, partial)
@@ -193,7 +197,7 @@ def target(
     """Return the path that `export` writes.
 
     It is an ONNX file, a SavedModel's folder inside a folder of versions, a folder of weights, or a
-    folder of graphs. With weights or graphs, every command takes `folder` as its `--weights`.
+    folder of graphs. With graphs, every command takes `folder` as its `--weights`.
 
     A file of `only` some outputs is named after them, so that it replaces no other.
     """
@@ -253,6 +257,14 @@ def _refuse_others(path: Path, mark: str) -> None:
     """Raise ValueError if a folder that would be replaced holds something else than `mark` says."""
     if path.is_dir() and any(path.iterdir()) and not (path / mark).is_file():
         raise ValueError(f"{path} holds other files, which would be lost: pass another OUT")
+
+
+def _refuse_other_weights(folder: Path, weights_folder: Path) -> None:
+    """Raise ValueError if graphs of a model would lie beside the weights of another."""
+    home = model_folder.folder(folder)
+    beside = any(home.glob(f"*{model_folder.WEIGHTS}"))
+    if beside and model_folder.digest(folder) != model_folder.digest(weights_folder):
+        raise ValueError(f"{home} holds other weights: pass --weights {folder}, or another OUT")
 
 
 def _complete(folder: Path, weights_folder: Path) -> None:

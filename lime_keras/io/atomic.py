@@ -30,7 +30,7 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
     The block writes a file or a folder to the temporary path. Missing parent folders are made, and
     the rest of an earlier interrupted write is removed first. If the block fails, the temporary
     path and the parent folders made for it are removed, and `path` stays as it was. A file is
-    replaced in one step; a folder is removed just before the new one takes its name.
+    replaced in one step; a folder is moved aside just before the new one takes its name.
 
     Args:
         path: path of the file or folder to replace.
@@ -60,17 +60,27 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
 
 
 def _take_place(partial: Path, path: Path) -> None:
-    """Rename a finished file or folder to `path`, and remove a folder that is there before."""
+    """Rename a finished file or folder to `path`, and remove a folder that was there before."""
+    moved: list[Path] = []
     while True:
         if partial.is_dir():  # no folder can be renamed onto another
-            remove(path)
+            old = path.with_name(_partial(path.name, f"old-{uuid.uuid4().hex}-"))
+            with contextlib.suppress(FileNotFoundError):
+                os.replace(path, old)
+                moved.append(old)
         try:
             os.replace(partial, path)
-            return
-        except OSError as error:
+            break
+        except BaseException as error:
             # Another process put its folder there just now: the last one wins.
-            if not partial.is_dir() or error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            number = error.errno if isinstance(error, OSError) and partial.is_dir() else None
+            if number not in (errno.ENOTEMPTY, errno.EEXIST):
+                with contextlib.suppress(IndexError, OSError):
+                    os.replace(moved[-1], path)
                 raise
+    for old in moved:
+        with contextlib.suppress(OSError):  # the new one is there: what is left does no harm
+            remove(old)
 
 
 @contextlib.contextmanager

@@ -325,9 +325,7 @@ def _profile_tags(profile: bytes) -> dict[bytes, bytes]:
 def _curve(element: bytes) -> Curve:
     """Return the curve of an element of the type `curv` or `para` (ICC.1, sections 10.6, 10.18).
 
-    Raises:
-        ValueError: if it is of another type.
-        struct.error: if it is cut short.
+    It raises ValueError for another type, and struct.error if it is cut short.
     """
     if element[:4] == b"curv":
         (count,) = struct.unpack_from(">I", element, 8)

@@ -210,11 +210,7 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
 
 
 def _whole_page(path: Path, image: oiio.ImageBuf) -> oiio.ImageBuf:
-    """Return the first page of a file that is no thumbnail, as that of a TIFF may be.
-
-    Raises:
-        ValueError: if there is none: the picture of a raw file lies elsewhere.
-    """
+    """Return the first page that is no thumbnail; raise ValueError if there is none, as in raw."""
     page = 0
     while image.spec().get_int_attribute("tiff:subfiletype") & 1:
         page += 1

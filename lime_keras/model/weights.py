@@ -13,6 +13,7 @@ import h5py
 import keras
 import numpy as np
 
+from lime_keras import console
 from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.networks import Architecture, build, subnetwork_names
@@ -171,7 +172,7 @@ def _check_finite(path: Path, network: keras.Model) -> None:
 
 
 def _read_graph(path: Path, network: keras.Model) -> None:
-    # Only models whose weights lie in graphs take the package `onnx`.
+    console.require("a model whose weights lie in graphs", "onnx")
     from lime_keras.model import weights_in_graphs
 
     folder, name = path.parent, path.stem

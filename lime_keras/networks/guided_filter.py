@@ -62,13 +62,8 @@ def _solved(
 ) -> tuple[Any, Any, Any]:
     """Return x, y and z of A (x, y, z) = `right`, by elimination without pivots.
 
-    A is symmetric, with eigenvalues of at least `_NOISE`², so pivots are at least that, too.
-
-    Args:
-        first: first row of A from its diagonal on.
-        second: second row from its diagonal on.
-        third: last diagonal element.
-        right: right-hand side.
+    A is symmetric, and given by its rows from the diagonal on. Its eigenvalues are at least
+    `_NOISE`², so pivots are at least that, too.
     """
     (a, b, c), (d, e), (u, v, w) = first, second, right
     over_second, over_third = b / a, c / a

@@ -193,11 +193,9 @@ def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) 
 def _box_filter(
     height: int, width: int, supersampling: int, precision: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the look-ups of the texels of a map `(H, W)`, `s` × `s` in each.
+    """Return the look-ups of the texels of a map `(H, W)`, `s` × `s` in each: `(H, s, W, s, 3)`.
 
-    Returns:
-        Directions `(H, s, W, s, 3)`, their solid angles `(H, s, W, s)`, and the sums `(H, W)` of
-        these.
+    Also their solid angles `(H, s, W, s)`, and the sums `(H, W)` of these.
     """
     shape = (height, supersampling, width, supersampling)
     rows, columns = height * supersampling, width * supersampling

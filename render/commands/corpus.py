@@ -255,11 +255,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _laws(options: argparse.Namespace) -> tuple[str, float]:
-    """Return the law of the lights and the share of endless bodies.
-
-    Raises:
-        ValueError: if a test split is asked for with anything but maps and shapes as they are.
-    """
+    """Return the law of the lights and the share of endless bodies, of which test has neither."""
     is_test = options.split == "test"
     mixed, maps = _LIGHT_LAWS
     law = options.light_law or (maps if is_test else mixed)

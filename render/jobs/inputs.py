@@ -71,11 +71,7 @@ def _reason(error: ValueError, path: Path) -> str:
 
 
 def _notes(kind: str, path: Path) -> tuple[str, ...]:
-    """Read a file and return notes on what was repaired in it.
-
-    Raises:
-        ValueError: If the file cannot be used.
-    """
+    """Read a file, return notes on what was repaired in it; raise ValueError if it is unusable."""
     if kind == "environments":
         return environments.read(path)[1]
     if kind == "backgrounds":

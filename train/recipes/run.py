@@ -361,11 +361,9 @@ def _read_record(path: Path) -> dict[str, Any]:
 
 
 def _run(command: tuple[str, ...], folder: Path) -> None:
-    """Run one of the package's commands in a folder; it shows its own progress.
+    """Run one of the package's commands in a folder; raise RuntimeError if it fails.
 
-    Raises:
-        RuntimeError: if it fails; its own message stands before.
-        KeyboardInterrupt: if it, or this process, was interrupted; then it has ended.
+    After an interruption of either it has ended.
     """
     launch = f"import sys; from lime_keras.launch import {_LAUNCH[command[0]]} as run; "
     # -P: the folder holds no modules.

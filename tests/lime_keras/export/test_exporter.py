@@ -412,14 +412,28 @@ def test_a_refused_or_failing_export_leaves_the_last_good_one(
 
 
 @pytest.mark.parametrize(
-    ("model_format", "place"), [("weights", "model"), ("graphs", "onnx"), ("graphs", "model")]
+    ("model_format", "place"),
+    [
+        ("weights", "model"),
+        ("graphs", "onnx"),
+        ("graphs", "model"),
+        ("savedmodel", "saved_model/1"),
+    ],
 )
 def test_what_is_no_export_is_not_replaced(tiny_model, tmp_path, model_format, place):
-    (tmp_path / place).mkdir()
+    (tmp_path / place).mkdir(parents=True)
     (tmp_path / place / "thesis.json").touch()
     with pytest.raises(ValueError, match=f"{place} holds other files, which would be lost: pass"):
         exporter.export(tmp_path, model_format, tiny_model)
     assert [path.name for path in tmp_path.rglob("*.*")] == ["thesis.json"]
+
+
+def test_graphs_lie_beside_no_other_weights(tiny_model, tmp_path):
+    shutil.copytree(tiny_model, tmp_path / "model")
+    [path, *_] = (tmp_path / "model").glob("*.weights.h5")
+    path.write_bytes(path.read_bytes() + b"others")
+    with pytest.raises(ValueError, match="model holds other weights: pass --weights"):
+        exporter.export(tmp_path, "graphs", tiny_model)
 
 
 def test_exporting_again_replaces_the_model(tiny_model, tmp_path, stand_in):

@@ -34,6 +34,16 @@ def test_it_says_what_the_network_takes_and_answers(tiny):
     np.testing.assert_allclose(means, np.sqrt(edges[1:] * edges[:-1]))
 
 
+def test_another_lobe_has_other_units(tiny):
+    plain, printed = (
+        model_card.card(tiny, assemble(build(tiny)), "float32", lobe)
+        for lobe in ("furnace", "printed")
+    )
+    changed = [name for name, one in printed["outputs"].items() if one != plain["outputs"][name]]
+    assert (plain["lobe"], printed["lobe"]) == ("furnace", "printed")
+    assert changed == ["specular_shading", "specular_albedo"]
+
+
 def test_every_output_of_an_ablation_has_a_unit(ablation):
     subnetworks = build(ablation)
     card = model_card.card(ablation, assemble(subnetworks), "float32")

@@ -68,6 +68,24 @@ def test_sums_over_pixels_keep_their_bits_in_float16(tmp_path):
     assert mean == pytest.approx(99.0, rel=1e-3)
 
 
+def test_a_sum_beyond_float16_is_read_in_float32(tmp_path):
+    """Of 320 × 320 pixels as many as lie inside a mask: here all."""
+    nodes = [
+        onnx.helper.make_node("ReduceSum", ["image", "axes"], ["sum"], name="sum"),
+        onnx.helper.make_node("Div", ["sum", "count"], ["mask"], name="mean"),
+    ]
+    shapes = {"image": ["batch", 320, 320, 3]}, {"mask": ["batch", 1, 1, 3]}
+    numbers = {"axes": np.array([1, 2]), "count": np.array(320.0**2, np.float32)}
+    onnx.save(onnx_files.made(nodes, *shapes, numbers), tmp_path / "half.onnx")
+    quantisation.narrow(tmp_path / "half.onnx", "float16", [])
+    half = onnx.load(tmp_path / "half.onnx")
+    formats.settle(half)
+    [mean] = onnx.reference.ReferenceEvaluator(half).run(
+        None, {"image": np.ones((1, 320, 320, 3), np.float32)}
+    )
+    assert mean == pytest.approx(1.0, rel=1e-3)
+
+
 def test_the_reference_runs_folders_of_graphs(tiny_model):
     engine = onnx_graphs.open_folder(tiny_model.parent / "onnx")
     images = parity.images(32)[:1]

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import shutil
 
 import full_disk
 import numpy as np
@@ -137,22 +136,58 @@ def test_a_suffix_that_fills_the_name_is_told(tmp_path):
         atomic.write(tmp_path / f"v1.{'x' * 260}", b"")
 
 
-def test_of_two_processes_that_replace_a_folder_the_last_wins(tmp_path, monkeypatch):
-    path, removed = tmp_path / "model", []
+def _replaced(path, content, monkeypatch, before):
+    """Replace a folder; `before` is called once, just before the new one takes its name."""
+    replace, left = os.replace, [before]
 
-    def overtaken(one):
-        removed.append(one)
-        if one == path and removed.count(path) == 1:  # the other process is faster, once
-            path.mkdir()
-            (path / "theirs").touch()
-        elif one.is_dir():
-            shutil.rmtree(one)
+    def replacing(source, target):
+        if target == path and "old-" not in source.name and left:
+            left.pop()()
+        return replace(source, target)
 
-    monkeypatch.setattr(atomic, "remove", overtaken)
+    monkeypatch.setattr(atomic.os, "replace", replacing)
     with atomic.replacing(path, shared=True) as partial:
         partial.mkdir()
-        (partial / "ours").touch()
-    assert [one.name for one in path.iterdir()] == ["ours"] and removed.count(path) == 2
+        (partial / content).touch()
+
+
+def test_of_two_processes_that_replace_a_folder_the_last_wins(tmp_path, monkeypatch):
+    path = tmp_path / "model"
+
+    def overtake():
+        path.mkdir()
+        (path / "theirs").touch()
+
+    _replaced(path, "ours", monkeypatch, overtake)
+    assert [one.name for one in tmp_path.rglob("*")] == ["model", "ours"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, PermissionError(13, "denied")])
+def test_a_folder_that_cannot_be_replaced_stays_whole(error, tmp_path, monkeypatch):
+    path = tmp_path / "model"
+    path.mkdir()
+    (path / "old").touch()
+
+    def fail():
+        raise error
+
+    with pytest.raises((KeyboardInterrupt, PermissionError)):
+        _replaced(path, "new", monkeypatch, fail)
+    assert [one.name for one in tmp_path.rglob("*")] == ["model", "old"]
+
+
+def test_what_cannot_be_removed_of_an_old_folder_keeps_no_new_one_away(tmp_path, monkeypatch):
+    path, remove = tmp_path / "model", atomic.remove
+    path.mkdir()
+
+    def refused(one):
+        if "old-" in one.name:
+            raise PermissionError(13, "denied", str(one))
+        remove(one)
+
+    monkeypatch.setattr(atomic, "remove", refused)
+    _replaced(path, "new", monkeypatch, lambda: None)
+    assert [one.name for one in path.iterdir()] == ["new"]
 
 
 @pytest.mark.parametrize("shared", [False, True])
