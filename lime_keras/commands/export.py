@@ -26,8 +26,7 @@ over the output's mean magnitude. Where they are too large, no file is written.
   format      writes                 for
   savedmodel  OUT/saved_model/1/     TensorFlow, TensorFlow Serving
   onnx        OUT/lime.onnx          ONNX Runtime; with --precision, OUT/lime-float16.onnx and so on
-  weights     OUT/model/             --weights OUT of lime-train, lime-eval and lime-export:
-                                     float16, half the size
+  weights     OUT/model/             --weights OUT of lime-train and lime-eval: half the size
   graphs      OUT/onnx/              --weights OUT of every command: an ONNX file a subnetwork; with
                                      --precision int8, OUT/onnx-int8/ beside it, for
                                      --precision int8 of lime-estimate and lime-live

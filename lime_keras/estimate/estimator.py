@@ -221,6 +221,7 @@ class Estimator:
         confidence = None
         if mask is not None:
             full = mask_of(mask, *image.shape[:2])
+            doubts = tuple(one for one in doubts if one.code != "alpha-ignored")
         elif full is None and self._masker is not None:
             full = mask_of(self._masker(image), *image.shape[:2])
             confidence = cautions.confidence(full)

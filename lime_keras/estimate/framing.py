@@ -201,15 +201,9 @@ def cut_layer(layer: np.ndarray, square: Square, size: int) -> np.ndarray:
 
 
 def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndarray:
-    """Resample a layer of a square to the pixels of its photo, `(height, width, C)`.
+    """Resample a square's layer of linear values `(S, S, C)` to its photo, `(height, width, C)`.
 
     The result is interpolated linearly inside the square, and 0 outside.
-
-    Args:
-        layer: layer `(S, S, C)` of linear values in the square.
-        square: square of the photo.
-        height: height of the photo in pixels.
-        width: width of the photo in pixels.
     """
     out = np.zeros((height, width, layer.shape[-1]), np.float32)
     inside, outside = overlap(square, height, width)
@@ -221,13 +215,9 @@ def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndar
 
 
 def inside(square: Square, height: int, width: int, size: int) -> np.ndarray:
-    """Return which of `(size, size, 1)` samples of a square have their middle inside the photo.
+    """Return which of `(size, size, 1)` samples of a square have their middle inside its photo.
 
-    Args:
-        square: square of the photo.
-        height: height of the photo in pixels.
-        width: width of the photo in pixels.
-        size: number of samples along a side of the square.
+    The photo has `height` × `width` pixels.
     """
     middle = (np.arange(size) + 0.5) * square.side / size
     rows, columns = square.top + middle, square.left + middle

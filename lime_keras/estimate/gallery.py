@@ -73,10 +73,10 @@ def update(out: Path, contents: Mapping[str, Mapping[str, Any]]) -> None:
     new = {f"{name}.json": content for name, content in contents.items()}
     for path in sorted({*_listed(out / TABLE), *new}):
         content = new.get(path) or result_json.read(out / path)
-        if content is None:
+        if content is None or content.get("made", {}).get("unfinished"):
             continue
         with untrusted.naming(out / path, "a result"):
-            scenes = content.get("scenes", [content])
+            scenes = content.get("scenes") or [content]
             own = [_row(path, content, scene) for scene in scenes]
             cards += [_card(*one, content) for one in zip(own, scenes, strict=True)]
             # JSON may hold halves of characters, which no text does.
@@ -122,8 +122,9 @@ def _card(row: dict[str, Any], scene: Mapping[str, Any], content: Mapping[str, A
     if len(content.get("scenes", ())) > 1:
         title += f", scene {row['scene']}"
         start += f"-scene-{row['scene']}"
-    named = {label: start + end for end, label in _VIEWED.items()}
-    shown = {label: file for label, file in named.items() if file in content["files"]}
+    # An overlay shows all scenes.
+    named = [(label, name + end) for name in (stem, start) for end, label in _VIEWED.items()]
+    shown = {label: file for label, file in named if file in content["files"]}
     keys = {"name": title.casefold()} | _keys(row)
     data = " ".join(f'data-{name}="{html.escape(str(key))}"' for name, key in keys.items())
     links = [

@@ -8,6 +8,7 @@ moved to their places together, the JSON last: a result is there completely, or 
 import contextlib
 import glob
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -76,7 +77,8 @@ class Results:
         out = list(names)
         alike: dict[str, list[int]] = {}
         for index, place in enumerate(places):
-            alike.setdefault(folded(place.with_suffix("").as_posix()), []).append(index)
+            stem = re.sub(r"(-\d+)+$", "", folded(place.with_suffix("").as_posix()))
+            alike.setdefault(stem, []).append(index)
         for group in alike.values():
             done = {k: earlier for k in group if (earlier := result_json.read(self.json(names[k])))}
             if len(group) < 2 or not done:
@@ -150,7 +152,7 @@ class Results:
             raise ValueError(f"{path} is no result of lime-estimate: {_MEND}")
         if differing := _differing(result["made"], provenance):
             raise ValueError(f"{path} was made with another {', '.join(differing)}: {_MEND}")
-        if provenance["source"] is None:
+        if provenance["source"] is None and not result["made"].get("unfinished"):
             raise ValueError(f"{path} was made of an earlier recording: {_MEND}")
         is_whole = all((path.parent / file).is_file() for file in result["files"])
         return result if is_whole and not result["made"].get("unfinished") else None

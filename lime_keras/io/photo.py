@@ -141,12 +141,8 @@ def read_srgb(path: str | Path) -> np.ndarray:
 def read_mask(path: str | os.PathLike[str], height: int, width: int) -> np.ndarray:
     """Read the mask of an object from a picture that is white where the object is.
 
-    The mask is the mean of the picture's channels, or its alpha channel if it has one.
-
-    Args:
-        path: path of the picture.
-        height: height of the mask's photo in pixels.
-        width: width of the mask's photo in pixels.
+    The mask is the mean of the picture's channels, or its alpha channel if it has one; its photo
+    has `height` × `width` pixels.
 
     Returns:
         Coverage `(height, width, 1)` float32 in [0, 1].
@@ -172,7 +168,7 @@ def read_coverage(path: str | os.PathLike[str], height: int, width: int) -> np.n
     picture = dataclasses.replace(_opened(path), conversion=colour_space.IDENTITY)
     is_full = (picture.height, picture.width) == (height, width)
     factor = 1 if is_full else _factor(picture.height, picture.width)
-    image, alpha, _ = _read(path, picture, factor)
+    image, alpha, _ = _read(path, picture, factor, is_coverage=True)
     mask = image.mean(-1, keepdims=True) if alpha is None else alpha
     check_fits(path, "a mask", mask.shape, height, width)
     return mask
@@ -188,12 +184,7 @@ def check_fits(path: Path, what: str, shape: tuple[int, ...], height: int, width
 
 
 def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
-    """Read a grey layer of linear radiance from an OpenEXR file of one channel.
-
-    Args:
-        path: path of the file.
-        height: height of the layer's photo in pixels.
-        width: width of the layer's photo in pixels.
+    """Read a grey layer of linear radiance, of a photo's size, from an OpenEXR of one channel.
 
     Returns:
         Linear radiance `(height, width, 1)` float32, the numbers of the file: at least 0, without
@@ -226,7 +217,7 @@ def _opened(path: Path) -> Picture:
         return picture_file.open_picture(path, functools.partial(_check_size, path))
 
 
-def _read(path: Path, picture: Picture, factor: int) -> Photo:
+def _read(path: Path, picture: Picture, factor: int, *, is_coverage: bool = False) -> Photo:
     """Return sRGB `(H, W, 3)` in [0, 1], alpha `(H, W, 1)` or None, and what may be wrong.
 
     The picture is converted in bands of rows, so that its floats are in memory only once. Areas of
@@ -249,7 +240,9 @@ def _read(path: Path, picture: Picture, factor: int) -> Photo:
                 if not is_multiplied:
                     colours = _multiplied(colours, opacity, picture.most)
                 alpha[top : top + _BAND] = _averaged(np.clip(opacity, 0, 1), factor)
-            if factor > 1:
+            if is_coverage:
+                colours = _averaged(colours, factor)
+            elif factor > 1:
                 mean = _averaged(colour.srgb_to_linear(colours), factor)
                 colours = np.clip(colour.linear_to_srgb(mean), 0, 1)
             image[top : top + _BAND] = colours

@@ -4,7 +4,7 @@ import mmap
 import re
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -297,6 +297,9 @@ def _tags(path: Path, image: oiio.ImageBuf) -> Tags:
     tags = Tags(profile=profile, code_points=points and (int(points[0]), int(points[1])))
     if kind in _OF_PILLOW:
         tags = _by_pillow(path, lambda opened: of_pillow(opened, path)) or tags
+        # Pillow reads no profile of a JPEG 2000, and knows the first page of a TIFF alone.
+        if profile is not None and (kind == "jpeg2000" or image.subimage > 0):
+            tags = replace(tags, profile=profile)
     if kind == "tiff" and not _largest_integer(spec) and tags == Tags():
         raise ValueError(
             "its numbers are floats or signed, and it does not say whether they are linear: "

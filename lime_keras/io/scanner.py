@@ -4,6 +4,7 @@ This module imports no library but Python's own, so that a command can sort what
 refuse what is not there, before any is loaded.
 """
 
+import functools
 import itertools
 import os
 import unicodedata
@@ -100,6 +101,15 @@ def folded(name: str) -> str:
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
+@functools.lru_cache
+def _by_stem(place: Path, changed_ns: int) -> dict[str, list[Path]]:
+    """Return a folder's pictures by folded stem, listed once: each of thousands of photos asks."""
+    out: dict[str, list[Path]] = {}
+    for file in list_folder(place, SUFFIXES):
+        out.setdefault(folded(file.stem), []).append(file)
+    return out
+
+
 def of_photo(photo: Path, folder: Path) -> Path:
     """Return the file of a photo, its mask say, in a folder for those of many photos.
 
@@ -116,10 +126,11 @@ def of_photo(photo: Path, folder: Path) -> Path:
         if not place.is_dir():
             continue
         own = os.path.abspath(photo)  # however it is spelled
-        files = [one for one in list_folder(place, SUFFIXES) if os.path.abspath(one) != own]
-        for stems in ((photo.stem,), (photo.name,), (f"{photo.stem}{_MASK}",)):
+        listed = _by_stem(place, place.stat().st_mtime_ns)
+        for stem in (photo.stem, photo.name, f"{photo.stem}{_MASK}"):
+            files = [one for one in listed.get(folded(stem), ()) if os.path.abspath(one) != own]
             for fold in (str, folded):
-                named = [file for file in files if fold(file.stem) in map(fold, stems)]
+                named = [file for file in files if fold(file.stem) == fold(stem)]
                 exact = [file for file in named if fold(file.name) == fold(photo.name)]
                 if len(exact or named) > 1:
                     names = " and ".join(file.name for file in exact or named)

@@ -23,6 +23,7 @@ _HDR = {16: "PQ", 18: "HLG"}
 _CHANNELS = 3  # channels of every frame as it is returned
 _SQUARE = 0.01
 """Part by which pixels may be wider than high, or higher than wide, to count as squares."""
+_DISORDER = 0.5  # seconds by which a frame may come too late in a recording of one piece
 _WHOLE = 0.9  # share of the announced duration that the frames of a complete file fill at least
 
 
@@ -97,7 +98,8 @@ class Footage:
         self._container.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        count, now, damaged, seconds, offset = 0, 0.0, 0, 0.0, None
+        count, now, damaged, seconds, offset, step = 0, 0.0, 0, 0.0, None, 1 / self._rate
+        has_order_alone = self._container.format.name == "avi"  # AVI stores no times
         for packet in self._packets():
             try:
                 decoded = [(picture, self._pixels(picture)) for picture in packet.decode()]
@@ -108,12 +110,19 @@ class Footage:
                 damaged += 1
                 continue
             for picture, pixels in decoded:
-                seconds = count / self._rate if picture.time is None else picture.time
+                stamp = picture.dts if has_order_alone else picture.pts
+                seconds += step if count else 0.0
+                if stamp is not None:
+                    seconds = float(stamp * picture.time_base)
                 offset = seconds if offset is None else offset
-                if count and seconds - offset < now and not is_camera(self._source):
-                    # Joined recordings begin their clocks anew: the time goes on.
-                    offset = seconds - now - 1 / self._rate
-                    self._remark_joint(now)
+                back = now - (seconds - offset)
+                if count and back > 0 and not is_camera(self._source):
+                    if back > _DISORDER or seconds - offset < step / 2:
+                        # Joined recordings begin their clocks anew: the time goes on.
+                        offset = seconds - now - step
+                        self._remark_joint(now)
+                    else:  # of MPEG-1, say, with frames that refer to later ones
+                        seconds = offset + now + step
                 now, count = seconds - offset, count + 1
                 if count == 1 and picture.color_trc in _HDR:
                     self.remarks.append(
@@ -131,7 +140,7 @@ class Footage:
                 yield Frame(pixels, now)
         if damaged:
             self.remarks.append(f"{self._source}: {damaged} damaged packets were left out")
-        spacing = now / (count - 1) if count > 1 else 1 / self._rate
+        spacing = now / (count - 1) if count > 1 else step
         # Matroska announces when the last frame ends by its own clock, which may begin late.
         if max(now, seconds) + spacing < _WHOLE * self._announced:
             self.remarks.append(

@@ -70,11 +70,7 @@ def level(exponent: float, specular_albedo: float | None = None) -> float:
 
 
 def word(exponent: float, specular_albedo: float | None = None) -> str:
-    """Return the word for a material that is known, such as a rendered one.
-
-    Args:
-        exponent: s, at least 0.
-        specular_albedo: m_s, at least 0; None counts as a plastic's.
+    """Return the word for a material that is known, such as a rendered one (arguments: `level`).
 
     Example:
         >>> word(60.0, 0.05), word(250.0, 0.05), word(250.0, 0.004), word(250.0, 0.9)

@@ -29,12 +29,8 @@ This lies between the lens of a telephone and a long lens.
 def view_directions(camera: np.ndarray, height: int, width: int) -> np.ndarray:
     """Return the unit directions o to the viewer, `(height, width, 3)`, of the pixel centres.
 
-    The directions are in camera space (x right, y up, z towards the camera).
-
-    Args:
-        camera: fx, fy, cx, cy in pixels.
-        height: height of the image in pixels.
-        width: width of the image in pixels.
+    They are in camera space (x right, y up, z towards the camera). The camera is fx, fy, cx and cy,
+    in pixels as the image's height and width.
     """
     fx, fy, cx, cy = (float(value) for value in camera)
     x = (np.arange(width) + 0.5 - cx) / fx

@@ -154,6 +154,20 @@ def test_scenes_of_a_video_have_a_card_each(tmp_path):
     assert "clip-scene-4.mtl" in page.links and "clip-scene-1.mtl" in page.links
 
 
+def test_a_video_without_an_object_has_a_card_and_its_overlay_a_link(tmp_path):
+    files = ["clip.csv", "clip-overlay.mp4"]
+    for name, scenes in (("none", []), ("two", [{"scene": 1}, {"scene": 2}])):
+        numbers = {"video": f"{name}.mp4", "scenes": scenes}
+        own = [file.replace("clip", name) for file in files]
+        result_json.write(tmp_path / f"{name}.json", numbers, {}, own)
+    made = {"made": {"unfinished": True}, "files": [], "video": "w.mp4", "scenes": []}
+    update(tmp_path, "none", "two")
+    gallery.update(tmp_path, {"w": made})
+    page = Page(tmp_path / "index.html")
+    assert [card["data-name"] for card in page.cards] == ["none", "two, scene 1", "two, scene 2"]
+    assert page.links.count("two-overlay.mp4") == 2 and "none-overlay.mp4" in page.links
+
+
 def test_an_estimate_of_little_is_shown_by_what_there_is(tmp_path):
     add(tmp_path, "a", diffuse_albedo=None, specular_albedo=None, exponent=None)
     update(tmp_path, "a")

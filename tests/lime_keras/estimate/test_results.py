@@ -66,6 +66,17 @@ def test_a_photo_that_went_is_no_conflict_before_its_turn_comes(tmp_path, photo)
     assert found.keep_names(["a", "a-2"], [photo, photo], places) == ["a", "a-2"]
 
 
+def test_a_new_photo_called_as_a_numbered_result_takes_another_name(tmp_path):
+    photos = [tmp_path / name for name in ("a-2.jpg", "a.jpg", "a.png")]
+    for photo in photos:
+        photo.write_bytes(photo.name.encode())
+    found = results(tmp_path)
+    for photo, name in ((photos[1], "a"), (photos[2], "a-2")):
+        write(found, photo, name=name, files=())
+    places = [Path(photo.name) for photo in photos]
+    assert found.keep_names(["a-2", "a", "a-3"], photos, places) == ["a-3", "a", "a-2"]
+
+
 def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
     found = results(tmp_path)
     write(found, photo, beside={"mask": photo})

@@ -123,6 +123,11 @@ CASES = {
     ),
     "ICC, table": lambda p: png(p, levels(chart(PATCHES) ** 0.5, np.uint16), **icc(profile(TABLE))),
     "ICC, 8 bits": lambda p: png(p, levels(chart(PATCHES) ** (1 / 1.8)), **icc(profile(GAMMA))),
+    "JPEG 2000, ICC": lambda p: jp2(
+        p.with_suffix(".jp2"),
+        levels(srgb(chart(PATCHES @ TO_P3.T))),
+        profile(FORMULA, TO_XYZ_D50 @ np.linalg.inv(TO_P3)),
+    ),
     "EXIF, Adobe RGB": lambda p: exif(p.with_suffix(".jpg"), 0xFFFF, "R03"),
     "EXIF, Adobe RGB by number": lambda p: exif(p.with_suffix(".jpg"), 2, None),
     "EXIF of a HEIC, Adobe RGB": lambda p: exif(p.with_suffix(".heic"), 0xFFFF, "R03"),
@@ -166,6 +171,19 @@ DEEP = {
     "cICP, narrow": 0.005,
 }
 """Cases of 16 bits, and what 8 of them may differ by."""
+
+
+def jp2(path, pixels, content):
+    """Write a JPEG 2000 without losses, whose header has a profile in place of sRGB's number."""
+    Image.fromarray(pixels).save(path)
+    data = bytearray(path.read_bytes())
+    box = struct.pack(">I4sBBB", 11 + len(content), b"colr", 2, 0, 0) + content
+    start, header = data.index(b"colr") - 4, data.index(b"jp2h") - 4
+    data[start : start + 15] = box
+    (length,) = struct.unpack_from(">I", data, header)
+    struct.pack_into(">I", data, header, length + len(box) - 15)
+    path.write_bytes(data)
+    return path
 
 
 def exif(path, space, interoperability):
@@ -260,8 +278,8 @@ def test_a_space_is_converted_from(case, tmp_path):
 @pytest.mark.parametrize("case", CASES)
 def test_a_pil_image_gives_the_numbers_of_its_file(case, tmp_path):
     path = CASES[case](tmp_path / "chart.png")
-    if path.suffix in (".exr", ".hdr", ".pfm"):
-        pytest.skip("a PIL image has 8 bits a channel")
+    if path.suffix in (".exr", ".hdr", ".pfm", ".jp2"):
+        pytest.skip("a PIL image has 8 bits a channel, and of a JPEG 2000 no profile")
     with Image.open(path) as image:
         found = photo.load_pil(image).image
     np.testing.assert_allclose(found, photo.read_srgb(path), atol=DEEP.get(case, 1e-6))

@@ -423,6 +423,11 @@ def test_a_large_photo_is_read_smaller_and_its_mask_alike(suffix, tmp_path, monk
     mask = save(tmp_path / "mask.png", np.full((45, 61), 255, np.uint8))
     assert photo.read_mask(mask, 23, 31).shape == (23, 31, 1)
     assert photo.read_mask(mask, 45, 61).shape == (45, 61, 1)  # of an array that is not read
+    # Coverage is averaged as it is, as an alpha channel's.
+    stripes = np.zeros((45, 61), np.uint8)
+    stripes[:, ::2] = 255
+    found = photo.read_mask(save(tmp_path / "stripes.png", stripes), 23, 31)
+    np.testing.assert_allclose(found[:22, :30], 0.5, atol=1e-6)
 
 
 def test_bands_of_rows_meet(tmp_path, monkeypatch):

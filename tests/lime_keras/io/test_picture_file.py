@@ -411,5 +411,10 @@ def test_colours_multiplied_by_alpha_are_not_multiplied_again(brightness, tmp_pa
 
 def test_what_a_reader_warns_of_is_told_with_the_material(tiny_model, tmp_path):
     clear_png(tmp_path / "a.png", (noise() * 255).astype(np.uint8))
-    material = Estimator(tiny_model, only=["albedo"]).estimate(tmp_path / "a.png")
+    estimator = Estimator(tiny_model, only=["albedo"])
+    material = estimator.estimate(tmp_path / "a.png")
     assert "alpha-ignored" in [caution.code for caution in material.warnings]
+    # Its advice is to pass a mask.
+    mask = np.ones(Image.open(tmp_path / "a.png").size[::-1], bool)
+    material = estimator.estimate(tmp_path / "a.png", mask)
+    assert "alpha-ignored" not in [caution.code for caution in material.warnings]

@@ -1,10 +1,11 @@
 """The kinds of sources, told by their names."""
 
+import time
 from pathlib import Path
 
 import pytest
 
-from lime_keras.io import result_json
+from lime_keras.io import result_json, scanner
 from lime_keras.io.scanner import (
     AmbiguousName,
     inside,
@@ -109,6 +110,19 @@ def test_the_mask_of_a_photo_in_a_folder_of_masks(files, expected, tmp_path):
     masks = tmp_path / "masks"
     make(masks, *files)
     assert of_photo(tmp_path / "photos/a/fox.jpg", masks) == masks / expected
+
+
+def test_a_folder_of_masks_is_listed_once(tmp_path, monkeypatch):
+    for index in range(5):
+        (tmp_path / f"{index}.png").touch()
+    listed, list_folder = [], scanner.list_folder
+    monkeypatch.setattr(scanner, "list_folder", lambda *a: listed.append(a) or list_folder(*a))
+    for index in range(5):
+        assert scanner.of_photo(Path(f"/photos/{index}.jpg"), tmp_path).stem == str(index)
+    assert len(listed) == 1
+    time.sleep(0.02)
+    (tmp_path / "new.png").touch()
+    assert scanner.of_photo(Path("/photos/new.jpg"), tmp_path).stem == "new"
 
 
 def test_no_photo_is_its_own_mask_however_it_is_spelled(tmp_path, monkeypatch):

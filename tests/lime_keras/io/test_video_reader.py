@@ -281,6 +281,16 @@ def test_joined_recordings_go_on_in_time(tmp_path):
     assert len(remarks) == 1 and "clock starts anew after 0.16 s" in remarks[0]
 
 
+@pytest.mark.parametrize(("suffix", "codec"), [("avi", "libx264"), ("mpg", "mpeg1video")])
+def test_frames_out_of_order_are_no_joint(suffix, codec, tmp_path):
+    """AVI has no times, and both have frames that refer to later ones."""
+    tags = [("max_b_frames", 2), ("gop_size", 12)]
+    path = clips.write(tmp_path / f"a.{suffix}", clips.noise(30), codec=codec, tags=tags)
+    _, times, remarks = read(path)
+    assert remarks == [] and (np.diff(times) > 0).all()
+    np.testing.assert_allclose(times, np.arange(30) / 25, atol=0.09)
+
+
 @pytest.mark.parametrize(("aspect", "shape"), [((2, 1), (48, 128)), ((1, 2), (96, 64))])
 def test_oblong_pixels_become_square(aspect, shape, tmp_path):
     """A ramp across the picture stays one, from one side to the other."""
