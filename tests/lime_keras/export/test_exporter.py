@@ -94,7 +94,7 @@ def description(path):
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     texts = session.get_modelmeta().custom_metadata_map
     plain = ("package", "version", "description", "precision", "input_layout", "colour_space")
-    plain = (*plain, "normalisation")
+    plain = (*plain, "normalisation", "lobe")
     return {k: text if k in plain else json.loads(text) for k, text in texts.items()}
 
 
