@@ -363,7 +363,7 @@ def _read_record(path: Path) -> dict[str, Any]:
 def _run(command: tuple[str, ...], folder: Path) -> None:
     """Run one of the package's commands in a folder; raise RuntimeError if it fails.
 
-    After an interruption of either it has ended.
+    If it or this process is interrupted, it has ended when KeyboardInterrupt is raised.
     """
     launch = f"import sys; from lime_keras.launch import {_LAUNCH[command[0]]} as run; "
     # -P: the folder holds no modules.
