@@ -45,10 +45,10 @@ def main() -> None:
             measure: record.Figure(value, None, summary["count"])
             for measure, value in summary["true_mask"].items()
         }
-        columns[CHANCE] = {
-            measure: record.Figure(value, None, summary["count"])
+        columns.setdefault(CHANCE, {}).update(
+            (measure, record.Figure(value, None, summary["count"]))
             for measure, value in summary["chance"].items()
-        }
+        )
     print(_table(columns))
     if arguments.record:
         record.write(

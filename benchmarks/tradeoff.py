@@ -22,7 +22,8 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("corpus", type=Path, help="corpus with both splits")
     options.add_argument("--weights", nargs="+", default=["live"], help="runs, or sets that ship")
-    options.add_argument("--out", type=Path, default=Path("results"), help="folder of the results")
+    folder = Path(f"results/tradeoff-{CODE}")
+    options.add_argument("--out", type=Path, default=folder, help="folder of the results")
     record.add_option(options)
     arguments = options.parse_args()
     words = [arguments.corpus, "--tradeoff", *arguments.weights, "--out", arguments.out]

@@ -1,11 +1,12 @@
 """Results of measurements in one folder, so that a repeated command goes on where it was stopped.
 
 A result is kept in a file of its own, named after a digest of what it follows from: the weights,
-the corpus, the options, and the version of this package. Another of these is another file. Of a
-checkout, whose code changes within a version, the folder is deleted to measure again.
+the corpus, the options, the version of this package, and for errors its code, which in a checkout
+changes within a version. Another of these is another file. Times do not follow the code.
 """
 
 import dataclasses
+import functools
 import hashlib
 import json
 import zipfile
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+import lime_keras
 from lime_keras.data.corpus import Split
 from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
@@ -45,6 +47,14 @@ def value(folder: Path, name: str, inputs: Mapping[str, Any], make: Callable[[],
     return json.loads(json.dumps(content["result"]))
 
 
+@functools.cache
+def code() -> str:
+    """Return a digest of the sources of this package and of the evaluation."""
+    folders = Path(lime_keras.__file__).parent, Path(__file__).parent
+    files = sorted(file for folder in folders for file in folder.rglob("*.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
 def corpus_of(corpus: Path) -> dict[str, str]:
     """Return the part of `inputs` that names a test split; its manifest has the shards' checksums.
 
@@ -63,7 +73,8 @@ def evaluation(folder: Path, run: Path, corpus: Path, *, camera: bool = False) -
         FileNotFoundError: if the weights or the test split are missing.
         ValueError: if `evaluate` refuses the split or the model's outputs.
     """
-    inputs = {"weights": model_folder.digest(run)} | corpus_of(corpus) | {"camera": camera}
+    of_what = {"weights": model_folder.digest(run), "code": code()}
+    inputs = of_what | corpus_of(corpus) | {"camera": camera}
     path = _path(folder, "evaluation", inputs, ".npz")
     arrays = _arrays(path, lambda: _as_arrays(evaluate(run, corpus, camera=camera)))
     rows, true_mask = (
@@ -80,7 +91,7 @@ def predictions(folder: Path, answers: Predictions, corpus: Path) -> dict[str, n
         FileNotFoundError: if the test split is missing.
         ValueError: if `evaluate_predictions` refuses the split or an answer.
     """
-    inputs = {"predictions": answers.digest()} | corpus_of(corpus)
+    inputs = {"predictions": answers.digest(), "code": code()} | corpus_of(corpus)
     path = _path(folder, "predictions", inputs, ".npz")
     return _arrays(path, lambda: evaluate_predictions(answers, corpus))
 

@@ -17,12 +17,12 @@ def count() -> int:
     """
     if not hasattr(os, "sched_getaffinity"):
         return os.cpu_count() or 1
-    cores = len({_core(number) for number in os.sched_getaffinity(0)})
+    cores = len({core(number) for number in os.sched_getaffinity(0)})
     return max(1, min([cores, *map(math.ceil, _quotas())]))
 
 
-def _core(number: int) -> str:
-    """Return what the threads of one core have in common."""
+def core(number: int) -> str:
+    """Return what processor `number` has in common with the other threads of its core."""
     try:
         return (_TOPOLOGY / f"cpu{number}/topology/thread_siblings_list").read_text()
     except OSError:

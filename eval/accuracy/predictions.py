@@ -15,6 +15,7 @@ import numpy as np
 
 from lime_keras.estimate.results import digest
 from lime_keras.io import photo, untrusted
+from lime_keras.optics import shininess
 
 _NUMBERS = ".json"
 _LAYERS: dict[str, Callable[[Path, int, int], np.ndarray]] = {
@@ -162,7 +163,12 @@ class Answers:
             name: _LAYERS[end](path, self._size, self._size)
             for name, (end, path) in self._layers[position].items()
         }
-        return self._numbers[position] | layers
+        numbers = self._numbers[position]
+        if "log_exponent" in numbers and "exponent_bin_probabilities" not in numbers:
+            [own] = shininess.bin_of_log(numbers["log_exponent"]).astype(int)
+            row = np.eye(shininess.BIN_COUNT, dtype=np.float32)[own]
+            numbers = numbers | {"exponent_bin_probabilities": row}
+        return numbers | layers
 
 
 def _numbers(path: Path) -> dict[str, np.ndarray]:
@@ -172,6 +178,9 @@ def _numbers(path: Path) -> dict[str, np.ndarray]:
     numbers = {name: _checked(path, name, content[name]) for name in _VALUES if name in content}
     if "exponent" in numbers:
         numbers["log_exponent"] = np.log10(numbers.pop("exponent"))
+    elif "exponent_bin_probabilities" in numbers:
+        expected = shininess.log_expected(numbers["exponent_bin_probabilities"])
+        numbers["log_exponent"] = np.atleast_1d(expected)
     return numbers
 
 

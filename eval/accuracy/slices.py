@@ -45,7 +45,13 @@ def rows(columns: Mapping[str, np.ndarray]) -> list[tuple[str, ...]]:
             continue
         part = {name: column[chosen] for name, column in columns.items()}
         value, interval = measures.values(part), measures.ends(measures.resampled(part))
-        cells = (m.unit.with_interval(value[name], interval[name]) for name, m in shown.items())
+        cells = (
+            # Every resample of one image is that image.
+            m.unit.with_interval(value[name], interval[name])
+            if chosen.size > 1
+            else m.unit.number(value[name])
+            for name, m in shown.items()
+        )
         out.append((f"{by}: {label}", str(chosen.size), *cells))
     return out
 

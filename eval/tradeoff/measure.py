@@ -97,7 +97,7 @@ def measure(
     for row in rows:
         if row["model"] != PAPER:
             run = runs[row["model"]]
-            row["weights"] = row["model"] if run in model_folder.shipped().values() else str(run)
+            row["weights"] = run.name if run in model_folder.shipped().values() else str(run)
             row |= errors[row["model"], row["precision"]]
             row["score"] = recommendation.score(row, scored)
     return {
@@ -136,7 +136,7 @@ def _errors(
             "count": summary["count"],
         }
 
-    of_what = {"weights": model_folder.digest(run)} | kept.corpus_of(corpus)
+    of_what = {"weights": model_folder.digest(run), "code": kept.code()} | kept.corpus_of(corpus)
     inputs: dict[str, Any] = {**of_what, "camera": camera, "precision": precision}
     if precision == "int8":
         inputs["calibration"] = untrusted.sha256(Split(corpus, "train").manifest_path)

@@ -13,8 +13,8 @@ from lime_keras.live import static
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import PRESETS, build
-from lime_keras.version import __version__
 
+from .. import kept
 from . import browser
 from .cases import BROWSER, PAPER, SAVED_MODEL, TimedUse
 
@@ -37,7 +37,7 @@ def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -
         return _untrained(home)
     run = runs[case.model]
     mark = home / f"{case.runtime}-{case.precision}.made-of"
-    of_what = f"{model_folder.digest(run)} {__version__}"
+    of_what = f"{model_folder.digest(run)} {kept.code()}"
     if case.precision == "int8":
         of_what += " " + untrusted.sha256(Split(corpus, "train").manifest_path)
     is_made = mark.is_file() and mark.read_text() == of_what
@@ -64,7 +64,7 @@ def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -
 def _untrained(home: Path) -> Path:
     """Return a folder with the preset `paper`, untrained."""
     architecture, mark = PRESETS[PAPER], home / "made-of"
-    of_what = f"{architecture} {__version__}"
+    of_what = f"{architecture} {kept.code()}"
     if not (mark.is_file() and mark.read_text() == of_what):
         weights.save(home / "model", architecture, build(architecture, seed=0), half=True)
         _, stored = weights.load(home)

@@ -114,7 +114,7 @@ def commands(row: Row) -> list[str]:
     command, model = ("lime-live", "") if row["kind"] == STREAM else ("lime-estimate", " PHOTO")
     if row["precision"] == "float32":
         return [f"{command}{model} --weights {weights}"]
-    name = f"{row['model']}-{row['precision']}"
+    name = shlex.quote(f"{row['model']}-{row['precision']}")
     precision = f"--precision {row['precision']}"
     calibrated = " --corpus CORPUS" if row["precision"] == "int8" else ""
     return [

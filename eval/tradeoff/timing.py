@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from lime_keras import processors
+
 from .cases import ASKED, KERAS, PAGE, PHOTO, SAVED_MODEL, STREAM, TimedUse
 
 _QUIET = {
@@ -112,7 +114,8 @@ def main() -> None:
     case, effort = TimedUse(**task["case"]), task["effort"]
     if hasattr(os, "sched_setaffinity"):
         # ONNX Runtime takes a thread for each core that the process may use (`processors`).
-        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: case.threads])
+        cores = {processors.core(one): one for one in sorted(os.sched_getaffinity(0), reverse=True)}
+        os.sched_setaffinity(0, sorted(cores.values())[: case.threads])
     path, frame = Path(task["path"]), _frame(Path(task["picture"]))
     if case.kind == PAGE:
         from . import browser

@@ -20,7 +20,9 @@ def counted(monkeypatch):
     return calls
 
 
-def test_a_second_call_measures_nothing_and_answers_the_same(corpus, tiny_model, tmp_path, counted):
+def test_a_second_call_measures_nothing_and_answers_the_same(
+    corpus, tiny_model, tmp_path, counted, monkeypatch
+):
     first = kept.evaluation(tmp_path, tiny_model, corpus)
     again = kept.evaluation(tmp_path, tiny_model, corpus)
     assert len(counted) == 1 and again.architecture == first.architecture
@@ -32,6 +34,9 @@ def test_a_second_call_measures_nothing_and_answers_the_same(corpus, tiny_model,
     file.write_bytes(file.read_bytes()[:100])
     kept.evaluation(tmp_path, tiny_model, corpus)
     assert len(counted) == 2
+    monkeypatch.setattr(kept, "code", lambda: "changed")
+    kept.evaluation(tmp_path, tiny_model, corpus)
+    assert len(counted) == 3
 
 
 def test_other_images_are_measured_anew(corpus, tiny_model, tmp_path, counted):

@@ -157,6 +157,19 @@ def test_probabilities_decide_the_bin_and_the_exponent_its_error(answers, corpus
     assert np.array_equal(rows["log_error_winning"], whole["log_error_winning"])
 
 
+def test_what_an_answer_leaves_out_of_s_follows_from_the_rest(answers, corpus):
+    """Some images have s and probabilities, one s alone, one probabilities alone."""
+    with json_files.edited(answers / "00001.json") as held:
+        del held["exponent_bin_probabilities"]
+        held["exponent"] = 300
+    with json_files.edited(answers / "00002.json") as held:
+        del held["exponent"]
+        held["exponent_bin_probabilities"] = [0, 0, 0, 0, 0, 0, 0, 1]
+    rows = evaluate_predictions(find(answers), corpus)
+    assert rows["predicted_bin"][1:3].tolist() == [6, 7]
+    assert rows["log_error"][2] == pytest.approx(abs(2.8125 - rows["log_exponent"][2]), abs=1e-3)
+
+
 def test_the_answer_without_an_object_of_lime_estimate_is_taken(answers, corpus):
     numbers = {"photo": "x.png", "mask_coverage": 0.0, "warnings": [], "files": [], "made": {}}
     for position in (0, 1):

@@ -52,6 +52,11 @@ def test_quarters_keep_equal_values_together_and_say_their_ends(found):
         assert {name: found[name][0] for name in found if name.startswith(kind)} == counts
 
 
+def test_a_part_of_one_image_has_no_interval(found):
+    count, *cells = found["light: beach"]
+    assert count == "1" and "±" not in "".join(cells)
+
+
 def test_what_a_system_lacks_is_left_out(columns):
     without = {name: column for name, column in columns.items() if name != "relit"}
     with_all, without_one = slices.rows(columns), slices.rows(without)

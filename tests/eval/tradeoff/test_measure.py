@@ -55,17 +55,17 @@ def test_another_list_of_models_is_timed_anew(timed):
     assert timed(CASES[1])[0] == ["best"] * 3
 
 
-def test_graphs_are_written_again_by_another_version(tiny_model, tmp_path, monkeypatch):
+def test_graphs_are_written_again_by_other_code(tiny_model, tmp_path, monkeypatch):
     written = []
 
     def export(home, kind, run, *, precision, corpus):
-        written.append(models.__version__)
+        written.append(models.kept.code())
         target = model_folder.graphs(home, precision)
         shutil.copytree(model_folder.graphs(run), target, dirs_exist_ok=True)
 
     monkeypatch.setattr(models.exporter, "export", export)
     case = TimedUse("tiny", cases.PHOTO, "mask", precision="float16")
     for version in ("1", "1", "2"):
-        monkeypatch.setattr(models, "__version__", version)
+        monkeypatch.setattr(models.kept, "code", lambda version=version: version)
         assert models.path(case, {"tiny": tiny_model}, tmp_path, tmp_path) == tmp_path / "tiny"
     assert written == ["1", "2"]
