@@ -16,9 +16,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, cast
 
+from lime_keras.estimate import cautions
 from lime_keras.io import atomic, untrusted
 from lime_keras.live import page_graphs
 from lime_keras.live.server import PAGE
+from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 from lime_keras.runtime import onnx_graphs
 from lime_keras.version import __version__
@@ -56,10 +58,12 @@ def write(out: Path, run: Path, runtime: Mapping[str, bytes]) -> None:
 
     Raises:
         ValueError: if `out` holds something else than a page, or the model holds no graphs of its
-            weights.
+            weights, or learnt the printed lobe, which the page cannot draw.
         OSError: if a file cannot be read or written.
     """
     check(out)
+    if model_folder.lobe(run) == "printed":
+        raise ValueError(f"{run} cannot be a page: {cautions.PRINTED_LOBE.message}")
     engine = onnx_graphs.load(run)
     with atomic.replacing(out) as partial:
         shutil.copytree(PAGE, partial)
@@ -99,7 +103,7 @@ def check(out: Path) -> None:
         is_page = description["engine"] == "browser"
     except (OSError, ValueError, LookupError, TypeError):
         is_page = False
-    own = {entry.name for entry in PAGE.iterdir()} | {_DESCRIPTION, "graphs", ".nojekyll"}
+    own = {_DESCRIPTION, "graphs", ".nojekyll", ".DS_Store", *(one.name for one in PAGE.iterdir())}
     others = sorted(entry.name for entry in out.iterdir() if not is_page or entry.name not in own)
     if others:
         raise ValueError(

@@ -33,7 +33,7 @@ let fusion = true;
 let number = 0;
 let run = 0; // grows with each source: a loop ends when it is not its own any more
 let cost = 0; // ms of a whole frame, averaged
-const NOTHING = { source: null, material: null, fused: null, light: null, answer: null };
+const NOTHING = { source: null, material: null, fused: null, light: null, answer: null, told: null };
 let last = { ...NOTHING }; // what is shown, and of which source
 let pictures = 0; // grows with each picture that is estimated once: only the newest is shown
 let tried = 0; // samples that the button has shown
@@ -81,7 +81,8 @@ function tellAbout() {
 async function findEngine() {
   for (;;) {
     try {
-      ({ engine, config } = await loadEngine(say));
+      // A worker that starts later, to be compared, tells nothing.
+      ({ engine, config } = await loadEngine((text) => engine ?? say(text)));
       tellAbout();
       return true;
     } catch (error) {
@@ -141,6 +142,7 @@ function show(image, answer, round, wanted) {
   const seen = answer.material;
   if (seen) {
     last.material = seen;
+    last.told = answer; // the frame of this material
     last.fused = answer.fused;
     if (wanted.layers) {
       drawLayer($("specular"), answer.layers.specular_shading, answer.size);
@@ -371,7 +373,9 @@ function showNumbers() {
   $("specular-albedo").textContent = found ? digits(found.specular_albedo) : "–";
   const ends = interval(last.material?.exponent_bin_probabilities);
   $("gloss").textContent = found ? glossOf(found).gloss : "–";
-  $("exponent").textContent = found ? inNumbers(found.exponent, ends) : "–";
+  // Over time s is fused, and may lie outside the interval of the last frame.
+  const holds = found && ends && ends[0] <= found.exponent && found.exponent <= ends[1];
+  $("exponent").textContent = found ? inNumbers(found.exponent, holds ? ends : null) : "–";
   showBins(last.material?.exponent_bin_probabilities ?? []);
   if (!found) for (const id of ["specular", "mirror"]) $(id).width = 128; // which empties it
   showSliders();
@@ -415,8 +419,8 @@ function showSliders() {
 }
 
 function numbersText() {
-  const { source: seen, material, fused, answer } = last;
-  const { square, mask_coverage } = answer;
+  const { source: seen, material, fused, told } = last;
+  const { square, mask_coverage } = told;
   const { exponent, exponent_bin_probabilities: probabilities } = material;
   const ends = interval(probabilities);
   const derived = {

@@ -62,6 +62,7 @@ function glb(buffer) {
         const normals = accessor(document, view, first, primitive.attributes.NORMAL);
         smooth.normals = turned(normals, matrix);
       }
+      if (determinant(matrix) < 0) smooth.normals = smooth.normals.map((value) => -value); // mirrored
       parts.push(smooth);
     }
     for (const child of node.children ?? []) visit(child, matrix);
@@ -121,6 +122,10 @@ function mapped(values, m, w) {
     }
   }
   return out;
+}
+
+function determinant([a, b, c, , d, e, f, , g, h, i]) {
+  return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g);
 }
 
 /** Normals turned by the cofactors of a matrix, which keep them upright under any scale. */

@@ -94,15 +94,19 @@ export class Renderer {
   show(mesh) {
     const { gl } = this;
     this.mesh = mesh;
-    gl.bindVertexArray(gl.createVertexArray());
-    for (const [name, values] of [["position", mesh.positions], ["normal", mesh.normals]]) {
-      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    for (const buffer of this.buffers ?? []) gl.deleteBuffer(buffer);
+    gl.deleteVertexArray(this.array ?? null);
+    this.array = gl.createVertexArray();
+    this.buffers = [0, 1, 2].map(() => gl.createBuffer());
+    gl.bindVertexArray(this.array);
+    for (const [at, name, values] of [[0, "position", mesh.positions], [1, "normal", mesh.normals]]) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[at]);
       gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
       const place = gl.getAttribLocation(this.program, name);
       gl.enableVertexAttribArray(place);
       gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 0, 0);
     }
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffers[2]);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
   }
 

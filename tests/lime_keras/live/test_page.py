@@ -208,15 +208,18 @@ def parse(content):
     return javascript.run(MESH, bytes=np.frombuffer(content, np.uint8))
 
 
-@pytest.mark.parametrize("kind", ["ply", "ply-ascii", "glb"])
-def test_a_users_mesh_is_read_and_fitted(kind):
+@pytest.mark.parametrize(
+    ("kind", "mirrored"), [("ply", 1), ("ply-ascii", 1), ("glb", 1), ("glb", -1)]
+)
+def test_a_users_mesh_is_read_and_fitted(kind, mirrored):
     trimesh = pytest.importorskip("trimesh")
     mesh = trimesh.creation.box(extents=(2, 4, 6), transform=np.diag([1.0, 1, 1, 1]))
     mesh.apply_translation((10, 20, 30))
     if kind == "glb":
         scene = trimesh.Scene()
-        # The scene turns it by a quarter about the vertical.
+        # The scene turns it by a quarter about the vertical, and may mirror it.
         turn = trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0))
+        turn = turn @ np.diag([mirrored, 1, 1, 1])
         scene.add_geometry(mesh, transform=turn)
         content = scene.export(file_type="glb")
     else:

@@ -75,6 +75,8 @@ def test_a_page_replaces_a_page_and_nothing_else(written, tmp_path):
 
 def test_what_lies_beside_a_page_is_not_lost(written, tmp_path):
     shutil.copytree(written, tmp_path / "site")
+    (tmp_path / "site" / ".DS_Store").touch()
+    static.check(tmp_path / "site")
     (tmp_path / "site" / "CNAME").touch()
     with pytest.raises(ValueError, match="site holds CNAME, which is no part of a page and would"):
         static.check(tmp_path / "site")

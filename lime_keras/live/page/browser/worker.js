@@ -71,7 +71,7 @@ async function fetched(base, files) {
   let got = 0;
   let told = -1;
   const one = async ({ path, bytes }) => {
-    const answer = await fetch(new URL(path, base));
+    const answer = await fetch(new URL(path, base), { cache: "no-cache" }); // the page may have been exported anew
     if (!answer.ok) throw new Error(`${path} cannot be loaded (${answer.status}): load the page again`);
     const content = new Uint8Array(bytes);
     let at = 0;
