@@ -156,8 +156,8 @@ def _add_output(output: argparse._ArgumentGroup) -> None:
     output.add_argument(
         "--overwrite",
         action="store_true",
-        help="make all results again, and replace those of other photos, weights or options; "
-        "without it, the command refuses to begin",
+        help="replace results of other photos, weights or options; without it, the command refuses "
+        "to begin",
     )
 
 
@@ -183,7 +183,13 @@ def run(
     missing = [text for text in options.sources if not (is_camera(text) or os.path.exists(text))]
     for text in missing:
         print(f"error: {text} does not exist: check its name", file=sys.stderr)
-    sources = _sorted(text for text in options.sources if text not in missing)
+    there = [text for text in options.sources if text not in missing]
+    for text in there:
+        if not is_camera(text) and os.path.isdir(text) and not any(inside(Path(text))):
+            missing.append(text)
+            ends = ", ".join(SUFFIXES)
+            print(f"error: {text} has no pictures: their names end in {ends}", file=sys.stderr)
+    sources = _sorted(there)
     if not sources:
         return 1
     _check(options, sources, clones=make_clone is not None)
@@ -280,14 +286,19 @@ def _named(sources: list[_Source], results: "Results", *, folders: bool) -> dict
 def _results(options: argparse.Namespace, clone_options: Mapping[str, object]) -> "Results":
     """Return the results in the output folder, with what this run makes them with."""
     from lime_keras.estimate.results import Results, digest
+    from lime_keras.model import gloss_file
 
-    masker = options.masker
+    masker, home = options.masker, model_folder.folder(options.weights)
+    narrow = model_folder.graphs(options.weights, options.precision) / model_folder.DESCRIPTION
+    calibration = home / gloss_file.NAME
     changing: dict[str, object] = {
         "only": options.only and sorted(options.only),
         "full-size": options.full_size,
         "masker": masker and f"{masker[0]}:{digest(masker[1])}",
         "engine": options.engine if options.engine != model_folder.ENGINES[0] else None,
         "precision": options.precision if options.precision != "float32" else None,
+        "graphs": digest(narrow) if options.precision != "float32" and narrow.is_file() else None,
+        "calibration": digest(calibration) if calibration.is_file() else None,
         **clone_options,
     }
     weights = model_folder.digest(options.weights)
@@ -411,10 +422,6 @@ def _sorted(texts: Iterable[str]) -> list[_Source]:
         path = Path(text)
         if not is_camera(text) and path.is_dir():
             files = {str(file): file.relative_to(path) for file in inside(path)}
-            if not files:
-                raise ValueError(
-                    f"{path} has no pictures: their names end in {', '.join(SUFFIXES)}"
-                )
         elif masked := photo_of_mask(path):
             print(f"{path} is the mask of {masked}, not a photo", file=sys.stderr)
             continue

@@ -134,7 +134,8 @@ def _card(row: dict[str, Any], scene: Mapping[str, Any], content: Mapping[str, A
     picture = ""
     if "preview" in shown:
         address = _link(folder / shown["preview"])
-        picture = f'<a class="picture" href="{address}"><img src="{address}" alt="preview"></a>'
+        image = f'<img loading="lazy" src="{address}" alt="preview">'
+        picture = f'<a class="picture" href="{address}">{image}</a>'
     caption = preview.caption(scene)
     if row["warnings"]:
         caption.append(f"⚠ {row['warnings'].replace(' ', ', ')}")

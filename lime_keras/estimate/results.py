@@ -67,7 +67,8 @@ class Results:
     ) -> list[str]:
         """Return the names of sources, so that each keeps the name under which it is there already.
 
-        A new photo `a.jpg` beside the finished `a.png` may come first, and is called `a-2`.
+        A new photo `a.jpg` beside the finished `a.png` may come first, and is called `a-2`. A photo
+        of a name of its own, as in a sequence, keeps that.
 
         Args:
             names: names of the sources (`files.distinct_names`).
@@ -81,7 +82,8 @@ class Results:
             alike.setdefault(stem, []).append(index)
         for group in alike.values():
             done = {k: earlier for k in group if (earlier := result_json.read(self.json(names[k])))}
-            if len(group) < 2 or not done:
+            stems = {folded(places[k].with_suffix("").as_posix()) for k in group}
+            if len(stems) == len(group) or not done:
                 continue
             left = {k: _digest_or_none(sources[k]) for k in group}
             kept = {}
@@ -127,7 +129,7 @@ class Results:
         """
         results, conflicts = {}, []
         for name, compute in provenances.items():
-            if self._overwrite or not os.path.lexists(self.json(name)):
+            if not os.path.lexists(self.json(name)):
                 continue
             try:
                 provenance = compute()
@@ -136,7 +138,8 @@ class Results:
             try:
                 result = self._existing(self.json(name), provenance)
             except ValueError as error:
-                conflicts.append(str(error))
+                if not self._overwrite:
+                    conflicts.append(str(error))
                 continue
             if result is not None:
                 results[name] = result
@@ -152,7 +155,7 @@ class Results:
             raise ValueError(f"{path} is no result of lime-estimate: {_MEND}")
         if differing := _differing(result["made"], provenance):
             raise ValueError(f"{path} was made with another {', '.join(differing)}: {_MEND}")
-        if provenance["source"] is None and not result["made"].get("unfinished"):
+        if provenance["source"] is None:
             raise ValueError(f"{path} was made of an earlier recording: {_MEND}")
         is_whole = all((path.parent / file).is_file() for file in result["files"])
         return result if is_whole and not result["made"].get("unfinished") else None
@@ -229,7 +232,10 @@ class Results:
         """Remove an earlier result; raise ValueError if a file in the way is another's."""
         target = self.json(name)
         earlier, start = result_json.read(target), glob.escape(target.stem)
-        there = {path.name for end in several for path in target.parent.glob(start + end)}
+        found = {path.name for end in several for path in target.parent.glob(start + end)}
+        # What another result names is its own: `a-scene-1` may be a photo.
+        others = map(result_json.read, target.parent.glob(f"{start}-*.json"))
+        there = found.difference(*(one["files"] for one in others if one))
         own = set(earlier["files"]) if earlier else set()
         if earlier and earlier["made"].get("unfinished"):
             own |= there  # it was interrupted before it could name them

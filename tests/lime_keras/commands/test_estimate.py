@@ -242,7 +242,7 @@ def test_a_mask_beside_a_photo_is_its_mask(folder, tiny_model, tmp_path, capsys)
     ("mask", "told"),
     [
         (masked((40, 91), 0, 40), "91×40 pixels and its photo 90×40"),
-        (masked((40, 90), 0, 0), "is black, so it masks no object"),
+        (masked((40, 90), 0, 0), "is nowhere white, so it masks no object"),
     ],
 )
 def test_a_mask_beside_a_photo_that_does_not_fit_is_told(mask, told, folder, tiny_model, capsys):
@@ -434,7 +434,7 @@ def test_a_photo_takes_no_video_library(folder, tmp_path):
         (["none.png", "gone.mp4"], "none.png does not exist"),
         (["HERE", "--mask", "none.png"], "none.png does not exist: check what is passed to --mask"),
         (["HERE", "--weights", "none"], "none holds no trained model"),
-        (["HERE", "--clone-onto", "HERE"], "needs mitsuba, trimesh, scipy, skimage: pip install"),
+        (["HERE", "--clone-onto", "HERE"], "needs mitsuba, trimesh, scipy, manifold3d: pip install"),
         (["HERE", "--up", "z"], "pass one to --clone-onto"),
         (["HERE", "--shadow"], "pass one to --clone-onto"),
         (["HERE", "CLIP", "--mask", "HERE"], "clip.mp4 is a video: leave one out"),

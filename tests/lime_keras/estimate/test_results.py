@@ -77,6 +77,27 @@ def test_a_new_photo_called_as_a_numbered_result_takes_another_name(tmp_path):
     assert found.keep_names(["a-2", "a", "a-3"], photos, places) == ["a-3", "a", "a-2"]
 
 
+def test_a_sequence_keeps_its_numbers_whatever_frames_show(tmp_path):
+    """Frames that are numbered anew have each other's contents."""
+    photos, names = [tmp_path / f"frame-{k}.jpg" for k in (1, 2)], ["frame-1", "frame-2"]
+    found = results(tmp_path)
+    for photo, name in zip(photos, names, strict=True):
+        photo.write_bytes(name.encode())
+        write(found, photo, name=name, files=())
+    photos[0].write_bytes(b"frame-2")
+    photos[1].write_bytes(b"frame-1")
+    places = [Path(photo.name) for photo in photos]
+    assert found.keep_names(names, photos, places) == names
+
+
+def test_overwrite_replaces_only_what_would_differ(tmp_path, photo):
+    write(results(tmp_path), photo, name="a")
+    found = results(tmp_path, overwrite=True)
+    assert found.existing({"a": lambda: found.provenance(photo, {})})
+    found = results(tmp_path, overwrite=True, weights="v" * 64)
+    assert not found.existing({"a": lambda: found.provenance(photo, {})})
+
+
 def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
     found = results(tmp_path)
     write(found, photo, beside={"mask": photo})
@@ -208,6 +229,24 @@ def test_files_of_any_number_are_in_the_way_and_go_with_an_unfinished_result(tmp
         mine.write_text("of the second scene")
         raise ValueError("broken")
     assert not mine.exists()
+
+
+def test_a_video_takes_no_files_of_a_photo_that_is_called_like_its_scenes(tmp_path, photo):
+    found, ends = results(tmp_path), [".csv", "-scene-*.mtl"]
+    made = found.provenance(photo, {})
+    with pytest.raises(KeyboardInterrupt), found.growing("a", made, ends):
+        raise KeyboardInterrupt
+    write(found, photo, name="a-scene-1", files=("a-scene-1.mtl",))
+    with found.growing("a", made, ends):
+        assert (tmp_path / "out" / "a-scene-1.mtl").is_file()
+
+
+def test_an_unfinished_recording_of_a_camera_is_not_replaced_unasked(tmp_path):
+    found = results(tmp_path)
+    with pytest.raises(OSError), found.growing("camera-0", found.provenance(None, {}), [".csv"]):
+        raise OSError("disk full")
+    with pytest.raises(ValueError, match="was made of an earlier recording"):
+        found.existing({"camera-0": lambda: found.provenance(None, {})})
 
 
 def test_files_elsewhere_are_never_taken_for_parts_of_a_result(tmp_path, photo):
