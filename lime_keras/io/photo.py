@@ -149,11 +149,11 @@ def read_mask(path: str | os.PathLike[str], height: int, width: int) -> np.ndarr
 
     Raises:
         ValueError: if the picture cannot be read (see `read`), has another size than the photo, or
-            is black.
+            is nowhere brighter than half.
     """
     mask = read_coverage(path, height, width)
     if not np.any(mask >= 0.5):
-        raise ValueError(f"{path} is black, so it masks no object: paint the object white")
+        raise ValueError(f"{path} is nowhere white, so it masks no object: paint the object white")
     return mask
 
 
@@ -358,7 +358,7 @@ def write(path: str | Path, image: np.ndarray, *, shared: bool = False) -> None:
     if path.suffix.lower() == ".exr":
         _write_exr(path, image, shared)
     else:
-        atomic.write(path, _encoded(path, image), shared=shared)
+        atomic.write(path, encoded(path, image), shared=shared)
 
 
 def check_written(path: Path, written: Path) -> None:
@@ -374,7 +374,7 @@ def check_written(path: Path, written: Path) -> None:
         )
 
 
-def _encoded(path: Path, image: np.ndarray) -> bytes:
+def encoded(path: Path, image: np.ndarray) -> bytes:
     """Return the content of a file of 8 bits, in the format of the path's suffix."""
     from PIL import Image
 
@@ -394,9 +394,9 @@ def _encoded(path: Path, image: np.ndarray) -> bytes:
     picture = Image.fromarray(levels.reshape(levels.shape[:2]) if grey else levels)
     try:
         picture.save(out, kind, **options)
-    except OSError as error:  # of an encoder that found no memory; no disk is written to here
+    except OSError as error:  # of an encoder: no disk is written to here
         raise OSError(
-            f"{path} cannot be written: {error}; if memory is short, close other programs"
+            f"{path} cannot be written: {error}; call it .png, or close programs if memory is short"
         ) from error
     return out.getvalue()
 

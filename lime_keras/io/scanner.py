@@ -14,14 +14,14 @@ from pathlib import Path
 from lime_keras.io import result_json
 
 SUFFIXES = (
-    *(".jpg", ".jpeg", ".png", ".heic", ".heif", ".hif", ".avif", ".exr", ".hdr", ".pfm"),
-    *(".tif", ".tiff", ".webp", ".jp2", ".jxl", ".bmp", ".gif", ".tga"),
+    *(".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".heic", ".heif", ".hif", ".avif", ".exr"),
+    *(".hdr", ".pfm", ".tif", ".tiff", ".webp", ".jp2", ".jxl", ".bmp", ".gif", ".tga"),
     *(".ppm", ".pgm", ".pbm", ".pnm"),
 )
 """Suffixes of the files in a folder that count as photos; a named file may have any suffix."""
 EXTENSIONS = (
-    *(".mp4", ".m4v", ".mov", ".3gp", ".mkv", ".webm", ".avi", ".wmv"),
-    *(".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".ogv"),
+    *(".mp4", ".m4v", ".mov", ".3gp", ".3g2", ".mkv", ".webm", ".avi", ".wmv", ".flv"),
+    *(".mpg", ".mpeg", ".m2v", ".vob", ".ts", ".mts", ".m2ts", ".mxf", ".ogv", ".y4m"),
 )
 """Suffixes of files that count as videos; FFmpeg itself looks only at a file's content."""
 CAMERA = "camera:"
@@ -125,10 +125,10 @@ def of_photo(photo: Path, folder: Path) -> Path:
     for place in (*(folder.joinpath(*above[start:]) for start in range(len(above))), folder):
         if not place.is_dir():
             continue
-        own = os.path.abspath(photo)  # however it is spelled
+        own = os.path.realpath(photo)  # however it is spelled
         listed = _by_stem(place, place.stat().st_mtime_ns)
         for stem in (photo.stem, photo.name, f"{photo.stem}{_MASK}"):
-            files = [one for one in listed.get(folded(stem), ()) if os.path.abspath(one) != own]
+            files = [one for one in listed.get(folded(stem), ()) if os.path.realpath(one) != own]
             for fold in (str, folded):
                 named = [file for file in files if fold(file.stem) == fold(stem)]
                 exact = [file for file in named if fold(file.name) == fold(photo.name)]

@@ -18,8 +18,6 @@ from lime_keras.io.scanner import CAMERA, is_camera
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 """Name of FFmpeg's camera interface, by `sys.platform`."""
 _UNSPECIFIED, _REC709, _HIGH_DEFINITION = 2, 1, 720
-_HDR = {16: "PQ", 18: "HLG"}
-"""Names of the transfer curves of high dynamic range, by FFmpeg's number."""
 _CHANNELS = 3  # channels of every frame as it is returned
 _SQUARE = 0.01
 """Part by which pixels may be wider than high, or higher than wide, to count as squares."""
@@ -122,14 +120,8 @@ class Footage:
                         offset = seconds - now - step
                         self._remark_joint(now)
                     else:  # of MPEG-1, say, with frames that refer to later ones
-                        seconds = offset + now + step
+                        seconds = offset + now + step / 2
                 now, count = seconds - offset, count + 1
-                if count == 1 and picture.color_trc in _HDR:
-                    self.remarks.append(
-                        f"{self._source} has high dynamic range ({_HDR[picture.color_trc]}), which "
-                        "is read as if it were sRGB, so albedos will be off: record or convert it "
-                        "in standard range"
-                    )
                 if picture.interlaced_frame and not self._has_fields:
                     self._has_fields = True
                     self.remarks.append(
@@ -237,7 +229,7 @@ def _upright(picture: Any, width: int, height: int) -> np.ndarray:
     # An unspecified curve is that of all video in standard range.
     points = primaries, transfer if transfer != _UNSPECIFIED else _REC709
     conversion = colour_space.decide(Tags(code_points=points), _CHANNELS, deep=False)
-    if not conversion.is_identity and transfer not in _HDR:
+    if not conversion.is_identity:
         pixels = np.round(conversion.convert(pixels / np.float32(255)) * 255).astype(np.uint8)
     matrix_bytes = picture.side_data.get("DISPLAYMATRIX")
     return (

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from lime_keras.estimate import files, preview
-from lime_keras.io import photo
+from lime_keras.io import atomic, photo
 from lime_keras.io.video_reader import Frame
 from lime_keras.material import Caution, Material
+from lime_keras.optics import shininess
 from lime_keras.video.tracking import PARAMETERS, Step, material_of
 
 OFTEN = 0.5
@@ -33,7 +34,9 @@ class Scene:
         frames: number of frames.
         found: number of frames with an object.
         fused: fused parameters `(5,)` (`tracking.parameters`); all NaN if it has no object.
-        image_srgb: the frame that shows the object largest, `(H, W, 3)` uint8 sRGB.
+        image_srgb: the frame that shows the object largest, `(H, W, 3)` uint8 sRGB; once the scene
+            has ended, None.
+        preview: its preview, a PNG, once the scene has ended; None if it shows no object.
     """
 
     def __init__(self, number: int, *, is_cut: bool):
@@ -42,9 +45,11 @@ class Scene:
         self.start = self.end = 0.0
         self.fused = np.full(len(PARAMETERS), np.nan)
         self._largest = Material(mask_coverage=0.0)
+        self.image_srgb: np.ndarray | None = None
+        self.preview: bytes | None = None
         self._confidences: list[float] = []
         self._probabilities: list[np.ndarray] = []
-        self._messages: dict[str, list[str]] = {}
+        self._messages: dict[str, tuple[int, str]] = {}
 
     def add(self, frame: Frame, material: Material, step: Step) -> None:
         """Add the next frame, its estimate and the state of the tracking after it."""
@@ -58,7 +63,7 @@ class Scene:
         if (material.mask_coverage or 0) > (self._largest.mask_coverage or 0):
             layers = {name: one for name, one in material.layers.items() if name == "mask"}
             self._largest = dataclasses.replace(material, image_srgb=None, layers=layers)
-            self.image_srgb = frame.image_srgb
+            self.image_srgb = frame.image_srgb if layers else None
 
     def _add_cautions(self, material: Material) -> None:
         if material.mask_confidence is not None:
@@ -66,28 +71,38 @@ class Scene:
         if material.exponent_bin_probabilities is not None:
             self._probabilities.append(material.exponent_bin_probabilities)
         for caution in material.warnings:
-            self._messages.setdefault(caution.code, []).append(caution.message)
+            count, _ = self._messages.get(caution.code, (0, ""))
+            self._messages[caution.code] = count + 1, caution.message
+
+    def close(self) -> None:
+        """Draw the preview, and let go of frame and mask: a video may have hundreds of scenes."""
+        if self.image_srgb is not None and np.isfinite(self.fused).any():
+            sheet = preview.sheet(self.image_srgb / np.float32(255), self.material)
+            self.preview = photo.encoded(Path("preview.png"), sheet)
+        self._largest, self.image_srgb = dataclasses.replace(self._largest, layers={}), None
 
     @property
     def material(self) -> Material:
-        """The fused material, with the mask of the frame that shows the object largest."""
-        shown, probabilities = self._largest, self._probabilities
+        """The fused material; until the scene ends, with the mask of `image_srgb`."""
+        shown = self._largest
+        mean = np.mean(self._probabilities, axis=0) if self._probabilities else None
         return dataclasses.replace(
             material_of(self.fused, shown.gloss_calibration),
             mask_coverage=shown.mask_coverage,
             mask_confidence=float(np.mean(self._confidences)) if self._confidences else None,
-            exponent_bin_probabilities=np.mean(probabilities, axis=0) if probabilities else None,
+            exponent_bin_probabilities=mean,
+            exponent_entropy=None if mean is None else float(shininess.entropy(mean)),
             warnings=self._warnings(),
             square=shown.square,
-            layers={name: layer for name, layer in shown.layers.items() if name == "mask"},
+            layers=shown.layers,
         )
 
     def _warnings(self) -> tuple[Caution, ...]:
         """Return the warnings of at least `OFTEN` of the frames with an object, as last worded."""
         return tuple(
-            Caution(code, f"in {len(messages) / self.found:.0%} of the frames, {messages[-1]}")
-            for code, messages in self._messages.items()
-            if len(messages) >= OFTEN * self.found
+            Caution(code, f"in {count / self.found:.0%} of the frames, {last}")
+            for code, (count, last) in self._messages.items()
+            if count >= OFTEN * self.found
         )
 
     def to_json(self) -> dict[str, object]:
@@ -112,6 +127,7 @@ class Scenes:
         last = self.every[-1]
         is_lost = np.isfinite(last.fused).any() and not np.isfinite(step.fused).any()
         if step.cut or is_lost:
+            last.close()
             self.every.append(Scene(last.number + 1, is_cut=step.cut))
         self.every[-1].add(frame, material, step)
 
@@ -133,8 +149,8 @@ def write(folder: Path, name: str, scenes: list[Scene]) -> list[str]:
     for scene in scenes:
         own = name if len(scenes) == 1 else f"{name}-scene-{scene.number}"
         written += files.write_formats(folder, own, scene.material)
-        if "mask" in scene.material.layers:
-            sheet = preview.sheet(scene.image_srgb / np.float32(255), scene.material)
-            photo.write(folder / f"{own}-preview.png", sheet)
+        scene.close()
+        if scene.preview is not None:
+            atomic.write(folder / f"{own}-preview.png", scene.preview)
             written.append(f"{own}-preview.png")
     return written

@@ -128,8 +128,10 @@ def test_a_folder_of_masks_is_listed_once(tmp_path, monkeypatch):
 def test_no_photo_is_its_own_mask_however_it_is_spelled(tmp_path, monkeypatch):
     make(tmp_path, "fox.jpg", "fox_mask.png")
     monkeypatch.chdir(tmp_path)
+    linked = tmp_path.with_name("linked")
+    linked.symlink_to(tmp_path)
     for photo in (tmp_path / "fox.jpg", Path("fox.jpg")):
-        for folder in (tmp_path, Path(), Path("../" + tmp_path.name)):
+        for folder in (tmp_path, Path(), Path("../" + tmp_path.name), linked):
             assert of_photo(photo, folder).name == "fox_mask.png"
 
 

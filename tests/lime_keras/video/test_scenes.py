@@ -65,6 +65,8 @@ def test_a_scene_is_shown_by_the_frame_with_the_largest_object():
     assert scene.material.mask_coverage == 0.4 and scene.image_srgb[0, 0, 0] == 60
     # Of the frame's estimate it keeps what it shows: a video may have hundreds of scenes.
     assert scene._largest.image_srgb is None and set(scene._largest.layers) <= {"mask"}
+    scene.close()
+    assert scene.image_srgb is None and not scene.material.layers and scene.preview
 
 
 def test_what_half_of_the_frames_say_is_the_scenes():
@@ -87,6 +89,7 @@ def test_what_half_of_the_frames_say_is_the_scenes():
     assert found.warnings == (Caution("clipped", "in 50% of the frames, at last clipped"),)
     assert found.mask_confidence == pytest.approx((0.9 + 0.9 + 0.5 + 0.7) / 4)
     np.testing.assert_array_equal(found.exponent_bin_probabilities, np.eye(8)[2])
+    assert found.exponent_entropy == 0
 
 
 def test_each_scene_leaves_the_files_of_a_photo(tmp_path):
