@@ -16,7 +16,7 @@ examples:
   lime-export exported --format onnx --precision int8 --corpus corpus
   lime-export exported --format onnx --only mask,diffuse_albedo
   lime-export small --format graphs --precision int8 --weights live --corpus corpus
-  lime-export small --format weights --weights runs/mine
+  lime-export half --format weights --weights runs/mine
 
 savedmodel and onnx take `image` (B, S, S, 3), sRGB in [0, 1], any B, and return the outputs by
 name. The command compares every format with Keras on images that it was not made with, and prints

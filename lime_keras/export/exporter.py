@@ -162,6 +162,7 @@ def export(
             _refuse_other_weights(folder, weights_folder)
     if model_format == SAVED_MODEL:
         _refuse_others(path, str(CARD))
+    before = model_folder.read_description(target(folder, GRAPHS))
     # Two commands may export the same run at once.
     with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
         engine = row.write(model, partial)
@@ -187,7 +188,8 @@ def export(
             outputs = parity.predictions(reference.ReferenceGraphs(engine), image)
             parity.check_against(keras_engine, image, names, outputs, precision)
     if model_format == GRAPHS:
-        _complete(folder, weights_folder)
+        is_other = not before or before.weights != model_folder.digest(weights_folder)
+        _complete(folder, weights_folder, is_other=is_other)
     return differences
 
 
@@ -267,17 +269,21 @@ def _refuse_other_weights(folder: Path, weights_folder: Path) -> None:
         raise ValueError(f"{home} holds other weights: pass --weights {folder}, or another OUT")
 
 
-def _complete(folder: Path, weights_folder: Path) -> None:
-    """Copy what lies beside a model's weights, so that a folder of graphs is a whole model."""
+def _complete(folder: Path, weights_folder: Path, *, is_other: bool) -> None:
+    """Copy what lies beside a model's weights, so that a folder of graphs is a whole model.
+
+    Of another model than that of the graphs before, what lay beside those goes.
+    """
     source, model = model_folder.folder(weights_folder), model_folder.folder(folder)
     if any(model.glob(f"*{model_folder.WEIGHTS}")) or model.resolve() == source.resolve():
         return
     model = folder / "model"
     model.mkdir(parents=True, exist_ok=True)
-    for stale in model.glob("*.json"):  # of another model, whose graphs were there before
+    for stale in model.glob("*.json") if is_other else ():
         stale.unlink()
     for path in sorted(source.glob("*.json")):
-        shutil.copyfile(path, model / path.name)
+        if not (model / path.name).exists():  # as a calibration of one's own
+            shutil.copyfile(path, model / path.name)
 
 
 def _plain_graphs(folder: Path, weights_folder: Path, digest: str) -> OnnxGraphs:

@@ -208,15 +208,18 @@ def test_graphs_of_another_model_replace_the_first_ones_records(tmp_path):
 
     first = model("first", "architecture.json", "gloss.json", "mask.weights.h5")
     second, out = model("second", "architecture.json"), tmp_path / "out"
-    exporter._complete(out, first)
+    exporter._complete(out, first, is_other=True)
     assert there(out) == {"architecture.json": "first", "gloss.json": "first"}
-    exporter._complete(out, second)
+    (out / "model" / "gloss.json").write_text("fitted", encoding="utf-8")
+    exporter._complete(out, first, is_other=False)
+    assert there(out)["gloss.json"] == "fitted"
+    exporter._complete(out, second, is_other=True)
     assert there(out) == {"architecture.json": "second"}
     before = there(first)
     for source in (first, second):  # a model with weights of its own, and the same folder
-        exporter._complete(first, source)
+        exporter._complete(first, source, is_other=True)
         assert there(first) == before
-    exporter._complete(second, second / "model")
+    exporter._complete(second, second / "model", is_other=True)
     assert there(second) == {"architecture.json": "second"}
 
 
