@@ -48,7 +48,7 @@ def _run(options: argparse.Namespace) -> int:
         if options.up or options.shadow:
             raise ValueError("--up and --shadow say how a mesh is shown: pass one to --clone-onto")
         return estimate.run(options)
-    console.require("--clone-onto", "mitsuba", "trimesh", "scipy", "skimage")
+    console.require("--clone-onto", "mitsuba", "trimesh", "scipy", "manifold3d")
     if not mesh.is_file():
         raise ValueError(f"{mesh} is no file: pass a mesh to --clone-onto")
     from lime_keras.estimate.results import digest

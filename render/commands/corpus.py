@@ -246,12 +246,19 @@ def _check(options: argparse.Namespace) -> None:
     """Raise ValueError for options that contradict each other."""
     if options.lights == "known" and options.split != "test":
         raise ValueError("--lights known is of a test split: pass --split test, or leave it out")
-    for count, folder in (("shape_count", "shapes"), ("light_count", "environments")):
-        if getattr(options, count) is not None and getattr(options, folder) is not None:
-            raise ValueError(
-                f"--{count.replace('_', '-')} is of what is built in: leave it out beside "
-                f"--{folder}, whose files are all used"
-            )
+    if options.materials == "natural" and options.shading == "printed":
+        raise ValueError(
+            "natural materials have m_s in the unit of furnace: leave out --lobe printed"
+        )
+    # Of mixed lights, rooms are a part beside files.
+    shapes, maps = options.shapes, options.environments and _laws(options)[0] != _LIGHT_LAWS[0]
+    for option, beside, is_void in (
+        ("--shape-count", "--shapes", shapes and options.shape_count),
+        ("--endless 1", "--shapes", shapes and options.endless == 1),
+        ("--light-count", "--environments", maps and options.light_count),
+    ):
+        if is_void:
+            raise ValueError(f"{option} leaves out files of {beside}: pass one of both")
 
 
 def _laws(options: argparse.Namespace) -> tuple[str, float]:
@@ -281,7 +288,10 @@ def choose_variant(description: Path) -> "Choice":
     if (resuming.read_description(description) or {}).get("variant") == variants.SLOW:
         # It was begun without a libLLVM: its other shards need the same variant.
         choice = variants.Choice(variants.SLOW, None)
-    print(choice.explain(), file=sys.stderr)
+        told = f"going on with {variants.SLOW}, with which {description.parent} was begun"
+    else:
+        told = choice.explain()
+    print(told, file=sys.stderr)
     return choice
 
 

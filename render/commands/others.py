@@ -39,7 +39,8 @@ def add(subparsers: Any) -> None:
         "verify",
         _verify,
         "Check files, counts, checksums and every record: that layers recompose to the image, that "
-        "the stored light shades the stored normals, and more. Exit status 1 if anything is wrong.",
+        "the stored light shades the stored normals (not M), and more. Exit status 1 if anything "
+        "is wrong.",
         "  lime-render verify corpus\n  lime-render verify corpus --split test",
     )
     preview = command(

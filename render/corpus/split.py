@@ -158,7 +158,9 @@ def _remove_partials(job: Job, shards: range) -> None:
         if shards.step == 1 or partial.name.rpartition("-")[2] in own:
             partial.unlink(missing_ok=True)
     if not job.missing(range(job.description.shards)):
-        for partial in (*split.folder.glob("partial-*"), *split.folder.glob("rooms/partial-*")):
+        # Another part may be writing the manifest.
+        stale = split.folder.glob("partial-*.tfrecord"), split.folder.glob("rooms/partial-*")
+        for partial in itertools.chain(*stale):
             partial.unlink(missing_ok=True)
         for claim in split.folder.glob("part-*-of-*"):
             with contextlib.suppress(OSError):

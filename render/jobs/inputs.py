@@ -204,10 +204,12 @@ def clashes(
         maps = [of_one.get("environments", {}) for of_one in used]
         count = ROOMS["train"]
         rooms = [(one.get("seed"), one.get("light_count") or count) for one in described]
-        if maps[0] != maps[1] or (not maps[0] and rooms[0] != rooms[1]):
+        is_mixed = any(one.get("light_law") for one in described)
+        if is_mixed or maps[0] != maps[1] or (not maps[0] and rooms[0] != rooms[1]):
             yield (
                 "both splits are to have the same lights, by --lights known, and have others: pass "
-                "the same --environments, or the same --seed and --light-count"
+                "the same --environments, or the same --seed and --light-count, and render the "
+                "train split with --light-law maps"
             )
     for kind in separate:
         # Contents are compared: files of one name may differ, and one file may have two names.

@@ -51,7 +51,7 @@ def render(room: Room, *, height: int = 128, samples: int = 32, seed: int) -> np
     _furnish(scene[1], room)
     views = _views(scene, "path", side, samples, seed)
     lights = _views(scene, "lights", side, samples, seed)
-    padded = np.pad(views, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    padded = np.pad(views, ((0, 0), (1, 1), (1, 1)), mode="reflect")
     shifts = [(i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)]
     around = np.max([padded[:, i : i + side, j : j + side] for i, j in shifts], axis=0)
     views = np.where(lights > 0, views, np.minimum(views, 2 * around))

@@ -78,10 +78,11 @@ def files(folder: Path | None, split: str, extensions: tuple[str, ...]) -> list[
             "none, so at least 2 are needed"
         )
     stems = Counter(path.stem.casefold() for path in listed)
-    if alike := [path.name for path in listed if stems[path.stem.casefold()] > 1]:
+    if stem := next((stem for stem, number in stems.items() if number > 1), None):
+        alike = [path.name for path in listed if path.stem.casefold() == stem]
         raise ValueError(
-            f"{folder}: {' and '.join(alike[:2])} may be one thing in two formats, which training "
-            f"and test would share: keep one, or deal them to folders {' and '.join(SPLITS)}"
+            f"{folder}: {' and '.join(alike)} may be one thing, which training and test would "
+            f"share: keep one, or deal them to folders {' and '.join(SPLITS)}"
         )
     ranked = sorted(listed, key=lambda path: hashlib.sha256(os.fsencode(path.name)).digest())
     tests = set(ranked[: max(1, round(len(ranked) * TEST_SHARE))])

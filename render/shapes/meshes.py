@@ -102,7 +102,10 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
         turned = int(side.sum())
         faces = np.where(side[:, None], faces[:, ::-1], faces)
     else:
+        count = len(faces)
         vertices, faces, normals, turned = smoothed(vertices, faces)
+        if len(faces) < count:
+            notes.append(f"{count - len(faces)} of {count} faces dropped: doubled")
     if 0 < turned < len(faces):
         notes.append(f"{turned} of {len(faces)} faces turned to the side of the others")
     return normalised(vertices, faces, normals), tuple(notes)

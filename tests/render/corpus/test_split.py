@@ -442,6 +442,8 @@ def test_known_lights_of_a_test_split_are_the_rooms_of_the_train_split(descripti
     # The usual number is the same, said or not.
     described = {"seed": 0, "light_split": "train"}, {"seed": 0, "light_count": 40}
     assert not list(split_inputs.clashes(described, ({}, {})))
+    mixed = described[0], described[1] | {"light_law": "mixed"}
+    assert "--light-law maps" in next(split_inputs.clashes(mixed, ({}, {})))
     assert train._light_split == test._light_split == "train" and train.seed == test.seed
     names = [train.shape_names, test.shape_names]
     assert [len(one) for one in names] == [5, 5] and not set(names[0]) & set(names[1])

@@ -94,5 +94,5 @@ def test_pictures_of_a_folder_are_found(tmp_path):
 def test_one_thing_in_two_formats_is_refused(tmp_path):
     for name in ("a.obj", "b.obj", "Bunny.obj", "bunny.glb"):
         (tmp_path / name).touch()
-    with pytest.raises(ValueError, match=r"Bunny.obj and bunny.glb may be one thing in two"):
+    with pytest.raises(ValueError, match=r"Bunny.obj and bunny.glb may be one thing, which"):
         sources.files(tmp_path, "train", (".obj", ".glb"))
