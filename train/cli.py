@@ -150,7 +150,7 @@ def _add_run(out: argparse.ArgumentParser) -> None:
         "--preset",
         choices=_PRESETS,
         help="smoke: small networks, minutes on two cores; nano: 64 pixels, for fast video; live: "
-        "128 pixels, for video, hours; paper: section 5's sizes and schedule, days on a GPU",
+        "128 pixels, for video, hours; paper: section 5's sizes and schedule, 80 days of a core",
     )
     begun.add_argument(
         "--recipe",
@@ -255,7 +255,7 @@ def _add_schedule(out: argparse.ArgumentParser) -> None:
     schedule.add_argument(
         "--optimizer",
         choices=_OPTIMIZERS,
-        help="muon for the inner convolutions, with Adam for the rest and for a lone MirrorNet; or "
+        help="muon for the inner convolutions, with Adam for the rest and for MirrorNet; or "
         "adam for all (default: the preset's)",
     )
     schedule.add_argument(
@@ -263,7 +263,7 @@ def _add_schedule(out: argparse.ArgumentParser) -> None:
         type=_momentum,
         metavar="MOMENTUM",
         help="end each stage with the optimiser's moving average of the weights, of a momentum "
-        "below 1, such as 0.999 (default: with the last weights)",
+        "below 1, such as 0.999 for thousands of batches (default: with the last weights)",
     )
     schedule.add_argument(
         "--batch-size",
@@ -460,7 +460,7 @@ def config_of(options: argparse.Namespace) -> Any:
     from .config import Config, corpus_sha256, lobe_of
     from .stages import SCHEDULES
 
-    asked = _overrides(options)
+    asked, lobe = _overrides(options), lobe_of(options.paths)
     resumed = Config.read(options.out) if options.resume else None
     preset = options.preset if resumed is None else resumed.preset
     schedule = SCHEDULES[preset]
@@ -470,13 +470,17 @@ def config_of(options: argparse.Namespace) -> Any:
             f"{', '.join(map(str, options.paths))} holds; render a corpus by `lime-render "
             "--materials`, or pass --preset live"
         )
+    if options.materials and "natural" in options.materials and lobe == "printed":
+        raise ValueError(
+            "--materials natural has m_s in the unit of the furnace: render a corpus of that --lobe"
+        )
     if "architecture.encoder_width" in asked:
         usual = PRESETS[preset]
         share = asked["architecture.encoder_width"] / usual.encoder_width
         asked["architecture.dense_width"] = max(1, round(usual.dense_width * share))
     data: dict[str, Any] = {
         "corpus_sha256": corpus_sha256(options.paths),
-        "lobe": lobe_of(options.paths),
+        "lobe": lobe,
         "plain_scenes": all(Split(path, "train").is_plain for path in options.paths),
     }
     if resumed is not None:

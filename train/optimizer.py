@@ -13,6 +13,8 @@ _PRETRAINED_RATE = 0.1
 """Share of the learning rate for pretrained layers: the full rate destroys them in a few steps."""
 _FEW_CHANNELS = 4
 """Largest number of channels that go into, or come out of, a convolution left to Adam."""
+_BY_ADAM = ("mirror",)
+"""Subnetworks left to Adam: under Muon the deep levels of MirrorNet grow until others die."""
 
 
 class _Watched:
@@ -87,8 +89,8 @@ class WatchedMuon(_Watched, keras.optimizers.Muon):
 
     A kernel `(k, k, c_in, c_out)` is taken as a matrix `(k · k · c_in, c_out)`, whose momentum is
     made orthogonal by five Newton–Schulz steps. Convolutions from or to at most four channels (the
-    first, where it reads no split of the colours, and the heads), pretrained layers, dense layers
-    and biases stay with Adam.
+    first, where it reads no split of the colours, and the heads), pretrained layers, dense layers,
+    biases and all of MirrorNet stay with Adam.
     """
 
     def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]], **kwargs: Any):
@@ -97,7 +99,9 @@ class WatchedMuon(_Watched, keras.optimizers.Muon):
     def _should_use_adamw(self, variable: keras.Variable) -> bool:
         """Return whether Adam updates a variable; Keras asks this method."""
         inner = len(variable.shape) == 4 and min(variable.shape[2:]) > _FEW_CHANNELS
-        return not inner or _is_pretrained(variable)
+        names = [name for name, count in self._groups for _ in range(count)]
+        by_adam = names[self._get_variable_index(variable)] in _BY_ADAM
+        return not inner or by_adam or _is_pretrained(variable)
 
     def _muon_update_step(self, gradient: Any, variable: keras.Variable, lr: Any, m: Any) -> None:
         """Take Muon's step for one kernel; Keras calls this method."""

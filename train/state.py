@@ -1,6 +1,7 @@
 """The files that a stage writes during training: its checkpoint and its loss curves."""
 
 import csv
+import os
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -62,6 +63,8 @@ class Checkpoint:
         values = [keras.ops.convert_to_numpy(variable) for variable in _variables(model)]
         with atomic.replacing(self.path) as partial:
             np.savez(partial, *values, signature=self._signature, step=step)
+            with partial.open("rb") as file:
+                os.fsync(file.fileno())  # or lost power takes the one before, too
 
     def restore(self, model: StageModel) -> None:
         """Load the state into a model, or only the weights if it is not compiled.

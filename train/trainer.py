@@ -43,6 +43,8 @@ from .stages import WARM_UP, Schedule, Stage
 from .state import Checkpoint
 from .terms import TERMS
 
+_EVALUATION = "evaluation.json"
+
 
 def train(
     paths: Sequence[Path],
@@ -124,6 +126,10 @@ def _refuse(config: Config, only: Collection[str] | None, reuse: Path | None, de
         )
     if reuse is not None and not (reuse / "stages").is_dir():
         raise FileNotFoundError(f"{reuse} holds no stages of a run to take over: check --reuse")
+    if not names:
+        raise ValueError("--freeze leaves no stage to train: freeze fewer")
+    if config.precision == "float16" and config.architecture.linear:
+        raise ValueError("float16 holds no linear radiance: pass --precision bfloat16")
 
 
 class _Run:
@@ -167,6 +173,8 @@ class _Run:
         self._trained = set(begun)
         # The stages, as far as their checkpoints stand.
         self._parts = self._open_stages(only, reuse)
+        if split.leads and not all(part.is_finished for part in self._parts):
+            (folder / _EVALUATION).unlink(missing_ok=True)  # of the system before
         positions = [[part.stage.name, part.step] for part in self._parts]
         hosts.assert_same({"checkpoints or --stages": positions})
         known = {*begun, *(name for part in self._parts for name in part.stage.subnetworks)}
@@ -226,9 +234,8 @@ class _Run:
 
     def evaluate(self) -> None:
         """Evaluate the whole system, if all of it is trained and something of it is new."""
-        path, split = self._folder / "evaluation.json", self._split
-        is_new = not path.is_file() or not all(part.is_finished for part in self._parts)
-        if not self._parts or self.untrained or not is_new:
+        path, split = self._folder / _EVALUATION, self._split
+        if not self._parts or self.untrained or path.is_file():
             return
         model = self._model(self._subnetworks, {})
         with split.scope():
@@ -359,6 +366,7 @@ def _take_over(reuse: Path, stage: Stage, signature: str, here: Checkpoint) -> N
     for path in (reuse / "stages").glob(f"[0-9]-{stage.name}.npz"):
         other = Checkpoint(reuse, path.stem, signature)
         if other.step(refuse=False) == stage.steps:
+            (here.path.parents[1] / _EVALUATION).unlink(missing_ok=True)
             for source, target in ((other.curve_path, here.curve_path), (path, here.path)):
                 with atomic.replacing(target) as partial:
                     shutil.copyfile(source, partial)

@@ -75,7 +75,7 @@ def link_sides(data: Path, kind: str, count: int, out: Path) -> None:
 
 
 def refuse_twins(files: Mapping[str, str], count: int) -> None:
-    """Raise ValueError if a file of validation has the bytes of one of training.
+    """Raise ValueError if a file of validation has the bytes or the stem of one of training.
 
     Args:
         files: SHA-256 of each file of a kind, as `digests` returns them.
@@ -84,11 +84,12 @@ def refuse_twins(files: Mapping[str, str], count: int) -> None:
     validation = validation_names((Path(name).name for name in files), count)
     sides: dict[str, dict[bool, str]] = {}
     for name, digest in files.items():
-        sides.setdefault(digest, {})[Path(name).name in validation] = name
+        for key in (digest, Path(name).stem.casefold()):
+            sides.setdefault(key, {})[Path(name).name in validation] = name
     for side in sides.values():
         if len(side) == 2:
             raise ValueError(
-                f"{side[True]} and {side[False]} are the same, and one of them is kept for "
+                f"{side[True]} and {side[False]} may be the same, and one of them is kept for "
                 "validation: remove the other"
             )
 

@@ -14,6 +14,7 @@ from lime_keras.model.folder import shipped
 
 NAMES = ("best", "live", "live_adam", "nano", "uniform", "builtin")
 """The recipes that come with the package, each a module beside this one."""
+_PARTS = ("segmentation", "specular", "mirror", "albedo", "exponent", "material")
 
 
 @dataclass(frozen=True)
@@ -138,6 +139,7 @@ class Recipe:
             for what, named, known in (
                 ("corpus", training.corpora, self.corpora),
                 ("earlier training", filter(None, [training.start_from]), [*before, *shipped()]),
+                ("subnetwork", "+".join([*training.stages, *training.freeze]).split("+"), _PARTS),
             ):
                 if unknown := [one for one in named if one not in known]:
                     raise ValueError(

@@ -80,8 +80,12 @@ def test_one_content_on_both_sides_is_refused(folder):
     data.refuse_twins(files, 2)
     kept = data.validation_names(NAMES, 2)
     seen, left = (f"meshes/train/{min(side)}" for side in (kept, set(NAMES) - kept))
-    with pytest.raises(ValueError, match=rf"{seen} and {left} are the same, and one of them"):
+    with pytest.raises(ValueError, match=rf"{seen} and {left} may be the same, and one of them"):
         data.refuse_twins(files | {left: files[seen]}, 2)
+    # One thing in two formats.
+    twins = {seen: "0", seen.replace(".ply", ".obj"): "1"}
+    with pytest.raises(ValueError, match="may be the same"):
+        data.refuse_twins(twins, 1)
     # Twins of one side are as good as one.
     other = f"meshes/train/{max(kept)}"
     data.refuse_twins(files | {other: files[seen]}, 2)
