@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import functools
+import hashlib
 import os
 import re
 import sys
@@ -288,20 +289,24 @@ def _results(options: argparse.Namespace, clone_options: Mapping[str, object]) -
     from lime_keras.estimate.results import Results, digest
     from lime_keras.model import gloss_file
 
-    masker, home = options.masker, model_folder.folder(options.weights)
-    narrow = model_folder.graphs(options.weights, options.precision) / model_folder.DESCRIPTION
-    calibration = home / gloss_file.NAME
+    masker = options.masker
     changing: dict[str, object] = {
         "only": options.only and sorted(options.only),
         "full-size": options.full_size,
         "masker": masker and f"{masker[0]}:{digest(masker[1])}",
         "engine": options.engine if options.engine != model_folder.ENGINES[0] else None,
         "precision": options.precision if options.precision != "float32" else None,
-        "graphs": digest(narrow) if options.precision != "float32" and narrow.is_file() else None,
-        "calibration": digest(calibration) if calibration.is_file() else None,
         **clone_options,
     }
-    weights = model_folder.digest(options.weights)
+    beside = (
+        model_folder.folder(options.weights) / gloss_file.NAME,
+        model_folder.graphs(options.weights, options.precision) / model_folder.DESCRIPTION,
+    )
+    parts = (
+        model_folder.digest(options.weights),
+        *(digest(path) for path in beside if path.is_file()),
+    )
+    weights = hashlib.sha256("".join(parts).encode()).hexdigest()
     return Results(options.out, weights, changing, overwrite=options.overwrite)
 
 

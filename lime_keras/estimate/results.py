@@ -43,7 +43,7 @@ class Results:
 
     Args:
         out: folder of the results.
-        weights: digest of the model (`model_folder.digest`).
+        weights: digest of the model, and of what of it changes results beside its weights.
         options: options of the run that change its results, by name; None stands for the default.
         overwrite: whether other results, and other files, may be replaced.
     """

@@ -434,7 +434,10 @@ def test_a_photo_takes_no_video_library(folder, tmp_path):
         (["none.png", "gone.mp4"], "none.png does not exist"),
         (["HERE", "--mask", "none.png"], "none.png does not exist: check what is passed to --mask"),
         (["HERE", "--weights", "none"], "none holds no trained model"),
-        (["HERE", "--clone-onto", "HERE"], "needs mitsuba, trimesh, scipy, manifold3d: pip install"),
+        (
+            ["HERE", "--clone-onto", "HERE"],
+            "needs mitsuba, trimesh, scipy, manifold3d: pip install",
+        ),
         (["HERE", "--up", "z"], "pass one to --clone-onto"),
         (["HERE", "--shadow"], "pass one to --clone-onto"),
         (["HERE", "CLIP", "--mask", "HERE"], "clip.mp4 is a video: leave one out"),

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import shutil
 from pathlib import Path
 
 import clips
@@ -13,6 +14,7 @@ from lime_keras.commands import estimate as estimate_cli
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import locking, untrusted
 from lime_keras.io.photo import read_srgb, write
+from lime_keras.model import gloss_file
 from lime_keras.render.commands import clone
 
 
@@ -134,6 +136,18 @@ def test_other_results_are_refused_before_anything_is_done(folder, tmp_path, cap
     assert "a.json was made with another --full-size: pass" in capsys.readouterr().err
     assert run(folder / "one" / "a.png", "--overwrite", out=out) == 0
     assert json.loads((out / "a.json").read_text())["photo"] == str(folder / "one" / "a.png")
+
+
+def test_results_follow_the_calibration_of_gloss(folder, tiny_model, tmp_path, capsys):
+    model = tmp_path / "mine"
+    shutil.copytree(tiny_model, model / "model")
+    arguments = (folder / "a.png", "--weights", model, "--engine", "keras")
+    assert run(*arguments, out=tmp_path / "out") == 0
+    assert run(*arguments, out=tmp_path / "out") == 0
+    (model / "model" / gloss_file.NAME).write_text('{"even": 1.5, "slope": 2.5}', encoding="utf-8")
+    assert run(*arguments, out=tmp_path / "out") == 1
+    assert "was made with another weights" in capsys.readouterr().err
+    assert run(*arguments, "--overwrite", out=tmp_path / "out") == 0
 
 
 def test_a_photo_replaced_while_it_is_estimated_is_not_taken_for_it(tmp_path, capsys, monkeypatch):
