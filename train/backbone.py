@@ -11,7 +11,7 @@ import math
 import pickle
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import keras
 import numpy as np
@@ -48,13 +48,13 @@ def read() -> dict[str, np.ndarray]:
     with path.open("rb") as file:
         # Two numbers of the format, the machine, the tensors, and the order of their values.
         *_, tensors, keys = (_Unpickler(file).load() for _ in range(5))
-        by_key = {tensor.key: (name, tensor) for name, tensor in tensors.items()}
+        by_key = {key: (name, *kind) for name, (key, *kind) in tensors.items()}
         out = {}
         for key in keys:
-            name, tensor = by_key[key]
+            name, dtype, shape, strides = by_key[key]
             file.read(8)  # the number of values
-            content = file.read(math.prod(tensor.shape) * tensor.dtype.itemsize)
-            out[name] = np.ndarray(tensor.shape, tensor.dtype, content, strides=tensor.strides)
+            content = file.read(math.prod(shape) * dtype.itemsize)
+            out[name] = np.ndarray(shape, dtype, content, strides=strides)
     return out
 
 
@@ -91,15 +91,6 @@ def begin(network: keras.Model) -> None:
         layer.trainable = False
 
 
-class _Tensor(NamedTuple):
-    """A tensor of the file, whose values come later: all of those under its key."""
-
-    key: str
-    dtype: np.dtype[Any]
-    shape: tuple[int, ...]
-    strides: tuple[int, ...]
-
-
 class _Unpickler(pickle.Unpickler):
     """An unpickler of tensors: whatever else a pickle names, it refuses."""
 
@@ -117,16 +108,13 @@ class _Unpickler(pickle.Unpickler):
         return key, dtype
 
 
-def _tensor(
-    storage: tuple[str, np.dtype[Any]],
-    offset: int,
-    shape: tuple[int, ...],
-    steps: tuple[int, ...],
-    *_: Any,
-) -> _Tensor:
-    """Return what PyTorch's function of these arguments makes; all offsets of the file are 0."""
+def _tensor(storage: Any, offset: int, shape: tuple, steps: tuple, *_: Any) -> tuple:
+    """Return a tensor's key, type, shape and strides; its values come later, under the key.
+
+    The arguments are those of PyTorch's function; all offsets of the file are 0.
+    """
     key, dtype = storage
-    return _Tensor(key, dtype, shape, tuple(step * dtype.itemsize for step in steps))
+    return key, dtype, shape, tuple(step * dtype.itemsize for step in steps)
 
 
 def _fold(tensors: Mapping[str, np.ndarray], convolution: str, norm: str) -> list[np.ndarray]:

@@ -7,7 +7,7 @@ first batch, and then seen again and again: in another order each time, flipped 
 import hashlib
 import itertools
 import zlib
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import sleep
@@ -18,6 +18,7 @@ import numpy as np
 
 from lime_keras.data.corpus import Split
 from lime_keras.networks import subnetwork_names
+from lime_keras.networks.wiring import Networks
 from lime_keras.optics.material_law import UNIFORM
 
 from . import terms
@@ -93,7 +94,7 @@ class Data:
         stage: Stage,
         features: Collection[str],
         first_step: int,
-        frozen: Mapping[str, keras.Model] | None = None,
+        frozen: Networks | None = None,
     ) -> Iterator[Batch]:
         """Make a stage's photos, if they are missing, and return its batches, from a step on.
 
@@ -125,7 +126,7 @@ class Data:
         return _ahead(read, first_step)
 
     def validation(
-        self, features: Collection[str], frozen: Mapping[str, keras.Model] | None = None
+        self, features: Collection[str], frozen: Networks | None = None
     ) -> Iterator[Batch]:
         """Yield the validation batches: equally many of each path, where it has enough.
 
@@ -194,11 +195,7 @@ class Data:
         return self._opened[key]
 
     def _answers(
-        self,
-        photos: Kept,
-        features: Collection[str],
-        frozen: Mapping[str, keras.Model],
-        seed: int | None,
+        self, photos: Kept, features: Collection[str], frozen: Networks, seed: int | None
     ) -> Kept | None:
         """Return the input masks of photos and the predictions of frozen subnetworks, if wanted."""
         if INPUT_MASK not in features and not frozen:

@@ -1,6 +1,6 @@
 """The weights of a trained model that a run begins with, in place of fresh weights."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from pathlib import Path
 
 import keras
@@ -10,11 +10,10 @@ from keras import ops
 from lime_keras.model import weights
 from lime_keras.networks.architecture import ENCODER_BLOCKS
 from lime_keras.networks.registry import is_plain
+from lime_keras.networks.wiring import Networks
 
 
-def load(
-    model: Path | None, subnetworks: Mapping[str, keras.Model], fresh: Collection[str] = ()
-) -> list[str]:
+def load(model: Path | None, subnetworks: Networks, fresh: Collection[str] = ()) -> list[str]:
     """Set the weights of those subnetworks that have the same layers in a trained model.
 
     Those of `fresh` keep their own.

@@ -11,7 +11,7 @@ from keras import ops
 
 from lime_keras.networks import output_names
 from lime_keras.networks.registry import is_plain
-from lime_keras.networks.wiring import Wiring, predictors, required_inputs
+from lime_keras.networks.wiring import Networks, Wiring, predictors, required_inputs
 
 from . import terms
 from .photos.kept import INPUT_MASK, PREDICTED
@@ -39,11 +39,11 @@ class StageModel(keras.Model):
 
     def __init__(
         self,
-        subnetworks: Mapping[str, keras.Model],
+        subnetworks: Networks,
         compositing: bool = True,
         losses: str = "printed",
         lobe: str = "furnace",
-        kept: Mapping[str, keras.Model] | None = None,
+        kept: Networks | None = None,
         replicas: int = 1,
     ):
         # Truth and losses are in single precision, even if the subnetworks compute in half.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from time import monotonic
 from typing import NoReturn
 
-import keras
+from lime_keras.networks.wiring import Networks
 
 from .data import Batch, Data, without_origin
 from .devices import Devices
@@ -56,7 +56,7 @@ class StageRun:
 
     stage: Stage
     model: StageModel
-    kept: Mapping[str, keras.Model]
+    kept: Networks
     checkpoint: Checkpoint
     step: int
 

@@ -29,6 +29,7 @@ from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file, weights
 from lime_keras.networks import build
 from lime_keras.networks.precision import computing_in
+from lime_keras.networks.wiring import Networks
 
 from . import backbone, hosts, initial_weights
 from .config import Config, claim, config_path
@@ -202,9 +203,7 @@ class _Run:
                 signatures |= dict.fromkeys(stage.subnetworks, signature)
         return out
 
-    def _model(
-        self, subnetworks: Mapping[str, keras.Model], kept: Mapping[str, keras.Model]
-    ) -> StageModel:
+    def _model(self, subnetworks: Networks, kept: Networks) -> StageModel:
         config, split = self._config, self._split
         with split.scope():
             return StageModel(
@@ -275,7 +274,7 @@ def _check_lobe(config: Config, model: Path | None, begun: Collection[str]) -> N
         )
 
 
-def _freeze(config: Config, subnetworks: Mapping[str, keras.Model], begun: Collection[str]) -> None:
+def _freeze(config: Config, subnetworks: Networks, begun: Collection[str]) -> None:
     """Make the frozen subnetworks keep their weights, which the run must have begun with."""
     for name in config.frozen or ():
         if name not in begun:

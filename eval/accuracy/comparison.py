@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lime_keras.model import folder as model_folder
 from lime_keras.networks import PRESETS, Architecture
+from lime_keras.runtime.engine import Arrays
 
 from ..markdown_table import ABSENT, aligned
 from . import claims, measures
@@ -125,7 +124,7 @@ def _true(said: Mapping[str, bool]) -> list[str]:
     return [words for words, is_so in said.items() if is_so]
 
 
-def other_system(rows: Mapping[str, np.ndarray]) -> System:
+def other_system(rows: Arrays) -> System:
     """Return the answers by another system, given the rows of `evaluate.evaluate_predictions`."""
     answered = rows["answered"]
     if answered.all():
@@ -134,9 +133,7 @@ def other_system(rows: Mapping[str, np.ndarray]) -> System:
 
 
 def compare(
-    evaluated: Mapping[str, Mapping[str, np.ndarray]],
-    systems: Mapping[str, System],
-    lobe: str = "furnace",
+    evaluated: Mapping[str, Arrays], systems: Mapping[str, System], lobe: str = "furnace"
 ) -> dict[str, Any]:
     """Compare runs on the same test images; return the content of `comparison.json`.
 

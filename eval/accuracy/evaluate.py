@@ -4,8 +4,8 @@ The same networks are evaluated with the true mask, too: the difference is what 
 SegmentationNet cost.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from lime_keras.model import weights
 from lime_keras.networks import Architecture
 from lime_keras.optics import environment, microfacets, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
-from lime_keras.runtime.engine import Engine
+from lime_keras.runtime.engine import Arrays, Engine
 from lime_keras.runtime.keras_engine import KerasEngine
 
 from . import flip_error, relighting
@@ -146,9 +146,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
     return _joined(rows) | {"answered": answers.answered}
 
 
-def measure(
-    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def measure(example: Arrays, estimate: Arrays) -> dict[str, np.ndarray]:
     """Return the columns of `Evaluation.rows` for one batch, without ꟻLIP and relighting.
 
     The example is as `pipeline.evaluation` yields it, the estimate as the assembled system does.
@@ -168,7 +166,7 @@ def measure(
     }
 
 
-def confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
+def confusion(rows: Arrays) -> np.ndarray:
     """Return the number of examples `(8, 8)` by true bin (row) and predicted bin (column).
 
     The rows are those of `Evaluation`, which need `bin` and `predicted_bin` alone.
@@ -178,7 +176,7 @@ def confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
     return matrix
 
 
-def _predictions(estimate: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _predictions(estimate: Arrays) -> dict[str, np.ndarray]:
     """Return the columns of the estimated numbers."""
     columns = {}
     if _has_exponent(estimate):
@@ -190,9 +188,7 @@ def _predictions(estimate: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return columns
 
 
-def _mask_errors(
-    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def _mask_errors(example: Arrays, estimate: Arrays) -> dict[str, np.ndarray]:
     """Return `iou` with its pixel counts, `(B,)` each; nothing without an estimated mask."""
     if "mask" not in estimate:
         return {}
@@ -201,9 +197,7 @@ def _mask_errors(
     return {"iou": iou, "intersection": intersection, "union": union}
 
 
-def _errors(
-    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def _errors(example: Arrays, estimate: Arrays) -> dict[str, np.ndarray]:
     """Return `predicted_bin` and the errors of all estimates but the mask."""
     errors = {}
     for name in filter(estimate.__contains__, ("specular_shading", "mirror")):
@@ -222,13 +216,11 @@ def _errors(
     return errors
 
 
-def _has_exponent(estimate: Mapping[str, np.ndarray]) -> bool:
+def _has_exponent(estimate: Arrays) -> bool:
     return bool({"log_exponent", "exponent_bin_probabilities"} & estimate.keys())
 
 
-def _exponent_errors(
-    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def _exponent_errors(example: Arrays, estimate: Arrays) -> dict[str, np.ndarray]:
     """Return the predicted bin, its distance from the true bin, and the errors of log10 s.
 
     The predicted bin is the winning class, or without classes the bin that contains s.
@@ -257,7 +249,7 @@ def _exponent_errors(
     }
 
 
-def _saturated(example: Mapping[str, np.ndarray]) -> np.ndarray:
+def _saturated(example: Arrays) -> np.ndarray:
     """Return the share `(B,)` of each object's pixels that are clipped in any channel."""
     object_pixels = example["mask"] >= 0.5
     clipped = np.any(example["clipped"] > 0, axis=-1, keepdims=True) & object_pixels
@@ -273,9 +265,7 @@ def _contrast(radiance: np.ndarray) -> np.ndarray:
     return np.where(mean > 0, brightest / np.where(mean > 0, mean, 1.0), 1.0)
 
 
-def _layers_flip(
-    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray], pool: ThreadPoolExecutor
-) -> dict[str, np.ndarray]:
+def _layers_flip(example: Arrays, estimate: Arrays, pool: Executor) -> dict[str, np.ndarray]:
     """Return `specular_shading_flip` and `mirror_flip`, `(B,)`, of the layers in `estimate`."""
     return {
         f"{name}_flip": np.array(
@@ -287,10 +277,7 @@ def _layers_flip(
 
 
 def _relit(
-    example: Mapping[str, np.ndarray],
-    answers: Sequence[Mapping[str, np.ndarray]],
-    lobe: str,
-    pool: ThreadPoolExecutor,
+    example: Arrays, answers: Sequence[Arrays], lobe: str, pool: Executor
 ) -> list[dict[str, np.ndarray]]:
     """Return `relit` and `relit_unseen`, `(B,)` decibel, of each answer.
 
@@ -371,7 +358,7 @@ def _joined(batches: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
 
 
-def _check_finite(columns: Mapping[str, np.ndarray], model_dir: Path, first: int) -> None:
+def _check_finite(columns: Arrays, model_dir: Path, first: int) -> None:
     """Raise ValueError, naming the example, if a column of those from `first` on is not finite."""
     for name, column in columns.items():
         if column.dtype.kind != "f" or np.all(np.isfinite(column)):

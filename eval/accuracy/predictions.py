@@ -6,7 +6,7 @@ An answer's files are named after the image's position in the split, from 0, in 
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 from lime_keras.estimate.results import digest
 from lime_keras.io import photo, untrusted
 from lime_keras.optics import shininess
+from lime_keras.runtime.engine import Arrays
 
 _NUMBERS = ".json"
 _LAYERS: dict[str, Callable[[Path, int, int], np.ndarray]] = {
@@ -113,9 +114,7 @@ class Answers:
             or if no file holds a quantity.
     """
 
-    def __init__(
-        self, predictions: Predictions, count: int, size: int, absent: Mapping[str, np.ndarray]
-    ):
+    def __init__(self, predictions: Predictions, count: int, size: int, absent: Arrays):
         self._size, self._absent = size, absent
         self._numbers: list[dict[str, np.ndarray]] = [{} for _ in range(count)]
         self._layers: list[dict[str, tuple[str, Path]]] = [{} for _ in range(count)]

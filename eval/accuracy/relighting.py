@@ -6,13 +6,14 @@ so its errors count as far as they are visible: the exponent matters where there
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from lime_keras.optics import colour, shading, shininess, studio_light
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
+from lime_keras.runtime.engine import Arrays
 
 _SOFT_BOXES = (
     ((-0.6, 0.6, 0.55), 22.0, 4.5),
@@ -54,9 +55,7 @@ class Lit:
         lobe: lobe of the materials, one of `corpus.LOBES`.
     """
 
-    def __init__(
-        self, example: Mapping[str, np.ndarray], radiance: np.ndarray, lobe: str = "furnace"
-    ):
+    def __init__(self, example: Arrays, radiance: np.ndarray, lobe: str = "furnace"):
         self._lobe = lobe
         rows, columns = _pixels(example["mask"][..., 0])
         view = shading.view_directions(example["camera"], *example["mask"].shape[:2])
@@ -90,7 +89,7 @@ def psnr(true: np.ndarray, estimated: np.ndarray) -> float:
 
 
 def relight(
-    example: Mapping[str, np.ndarray], materials: Sequence[BlinnPhong], lobe: str = "furnace"
+    example: Arrays, materials: Sequence[BlinnPhong], lobe: str = "furnace"
 ) -> list[list[float]]:
     """Compute the PSNR in decibel of each material under the two lights.
 

@@ -154,12 +154,6 @@ def _in_a_batch(system: TrialSystem, precision: Precision) -> Outcome:
     )
 
 
-def _state(verdict: Verdict) -> str:
-    if verdict.passed:
-        return "refused" if verdict.value is None and verdict.gradient is None else "passed"
-    return "FAILED"
-
-
 def _counted(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
     """Return the numbers of all verdicts, of passed or refused ones, and of failed ones."""
     failed = len(failures(verdicts))
@@ -170,4 +164,6 @@ def _cells(verdict: Verdict) -> tuple[str, ...]:
     """Return the cells of a row in the order of `HEADER`."""
     numbers = (verdict.value, verdict.gradient, verdict.reference, verdict.error, verdict.tolerance)
     written = [ABSENT if number is None else f"{number:.4g}" for number in numbers]
-    return (verdict.case, verdict.precision, *written, _state(verdict), verdict.note)
+    good = "refused" if verdict.value is None and verdict.gradient is None else "passed"
+    state = good if verdict.passed else "FAILED"
+    return (verdict.case, verdict.precision, *written, state, verdict.note)

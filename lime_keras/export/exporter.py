@@ -132,10 +132,19 @@ def export(
         ParityError: if the written model differs from Keras beyond the tolerance; nothing is left
             at the path.
     """
-    # Load the model and the images to compare.
+    # Check what is asked for.
     row = FORMATS[model_format]
     precision = row.precisions[0] if precision is None else precision
-    _check(model_format, precision, corpus, only)
+    if precision not in row.precisions:
+        raise ValueError(
+            f"the format {model_format} is {' or '.join(row.precisions)}, not {precision}"
+        )
+    if precision == "int8" and corpus is None:
+        raise ValueError("int8 is calibrated on pictures: pass a corpus of `lime-render`")
+    if row.whole and only is not None:
+        raise ValueError(f"{model_format} are of a whole model: leave out what is to be answered")
+
+    # Load the model and the images to compare.
     keras_engine = KerasEngine(weights_folder)
     size = keras_engine.architecture.size
     if unknown := sorted(set(only or ()) - set(keras_engine.outputs)):
@@ -239,20 +248,6 @@ def corpus_pictures(corpus: Path, split_name: str, size: int) -> np.ndarray:
     if batch is None:
         raise ValueError(f"{shards[0]} and what follows hold no examples: render them again")
     return batch["image"]
-
-
-def _check(
-    model_format: str, precision: str, corpus: Path | None, only: Collection[str] | None
-) -> None:
-    row = FORMATS[model_format]
-    if precision not in row.precisions:
-        raise ValueError(
-            f"the format {model_format} is {' or '.join(row.precisions)}, not {precision}"
-        )
-    if precision == "int8" and corpus is None:
-        raise ValueError("int8 is calibrated on pictures: pass a corpus of `lime-render`")
-    if row.whole and only is not None:
-        raise ValueError(f"{model_format} are of a whole model: leave out what is to be answered")
 
 
 def _refuse_others(path: Path, mark: str) -> None:

@@ -26,13 +26,15 @@ def card(
         by name, each with `shape` and `unit`. If the exponent is classified, also
         `exponent_bin_edges` (9) and `exponent_bin_means` (8), the exponent s of each class.
     """
+    sizes = operator.attrgetter("size", "unet_width", "unet_depth")
+    presets = (name for name, preset in PRESETS.items() if sizes(preset) == sizes(architecture))
     more = dict.fromkeys(network.output, "")
     if lobe == "printed":
         more |= dict.fromkeys(_OF_THE_LOBE, "; of the paper's lobe, which is not normalised")
     out = {
         "package": "lime-keras",
         "version": __version__,
-        "preset": _preset(architecture),
+        "preset": next(presets, None),
         "architecture": dataclasses.asdict(architecture),
         "description": architecture.description,
         "precision": precision,
@@ -51,9 +53,3 @@ def card(
         out["exponent_bin_edges"] = (10.0**shininess.LOG_EDGES).tolist()
         out["exponent_bin_means"] = (10.0**shininess.LOG_MEANS).tolist()
     return out
-
-
-def _preset(architecture: Architecture) -> str | None:
-    """Return the name of the preset with these U-Nets, whatever else was changed of it."""
-    sizes = operator.attrgetter("size", "unet_width", "unet_depth")
-    return next((n for n, preset in PRESETS.items() if sizes(preset) == sizes(architecture)), None)

@@ -1,12 +1,12 @@
 """The parity check of a written model with Keras: its test images and its tolerances."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 import numpy as np
 import tensorflow as tf
 
 from lime_keras.export.quantisation import relative_error
-from lime_keras.runtime.engine import Answering
+from lime_keras.runtime.engine import Answering, Arrays
 
 TOLERANCE = 1e-3
 """Largest accepted difference in float32: absolute, but relative for values above 1."""
@@ -82,7 +82,7 @@ def check_against(
     keras_engine: Answering,
     images: np.ndarray,
     outputs: Collection[str],
-    predicted: Mapping[str, np.ndarray],
+    predicted: Arrays,
     precision: str,
 ) -> dict[str, float]:
     """Return the difference between a written model and Keras for each output (see `check`).
@@ -106,9 +106,7 @@ def check_against(
     return check(expected, predicted, precision)
 
 
-def check(
-    expected: Mapping[str, np.ndarray], predicted: Mapping[str, np.ndarray], precision: str
-) -> dict[str, float]:
+def check(expected: Arrays, predicted: Arrays, precision: str) -> dict[str, float]:
     """Return the difference between a written model and Keras for each output, by name.
 
     Args:

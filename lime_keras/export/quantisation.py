@@ -9,7 +9,7 @@ float32. Input images and outputs are always float32.
 import functools
 import re
 import types
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from onnxruntime.transformers import float16
 
 from lime_keras.export.formats import REPEATED
 from lime_keras.networks import SUBNETWORKS
+from lime_keras.runtime.engine import Arrays
 
 HEADS = {head for subnetwork in SUBNETWORKS.values() for head in subnetwork.heads}
 """Names of the subnetworks' last layers."""
@@ -42,7 +43,7 @@ _REPEATED = re.compile(f"/{REPEATED}$")
 """Nodes that repeat a channel for arithmetic in float32, by name."""
 
 
-def narrow(path: Path, precision: str, inputs: Iterable[Mapping[str, np.ndarray]]) -> None:
+def narrow(path: Path, precision: str, inputs: Iterable[Arrays]) -> None:
     """Let an ONNX file, which `formats.write_onnx` wrote, compute in fewer bits.
 
     In float16, weights and activations have 16 bits, but for the guided filter and sums. S and M
@@ -139,9 +140,7 @@ def heads(model: onnx.ModelProto) -> list[str]:
     ]
 
 
-def relative_error(
-    expected: Mapping[str, np.ndarray], answer: Mapping[str, np.ndarray]
-) -> dict[str, float]:
+def relative_error(expected: Arrays, answer: Arrays) -> dict[str, float]:
     """Return each output's mean difference divided by its mean magnitude, by name.
 
     It is 0 without any difference, and 1 for an output of zeros.

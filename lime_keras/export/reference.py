@@ -4,7 +4,7 @@ It is NumPy, node by node, in the types that a file names. So it finds what ONNX
 nodes in a wrong order, and values that overflow float16, which ONNX Runtime widens.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from onnx.reference import ReferenceEvaluator
 from onnx.reference.ops.op_dequantize_linear import DequantizeLinear_19
 from onnx.reference.ops.op_quantize_linear import QuantizeLinear_19
 
+from lime_keras.runtime.engine import Arrays
 from lime_keras.runtime.onnx_graphs import OnnxGraphs
 
 
@@ -40,9 +41,7 @@ class ReferenceGraphs(OnnxGraphs):
     def __init__(self, engine: OnnxGraphs):
         super().__init__(engine.folder, engine.description)
 
-    def run(
-        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
-    ) -> dict[str, np.ndarray]:
+    def run(self, outputs: Collection[str], inputs: Arrays) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Answering`)."""
         with np.errstate(over="ignore", invalid="ignore"):
             return super().run(outputs, inputs)

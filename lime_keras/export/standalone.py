@@ -10,7 +10,6 @@ parts by these names needs no arithmetic of its own:
   `Quantity.from_prediction` returns them: compressed, and 0 outside the object.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import keras
@@ -18,11 +17,11 @@ from keras import layers
 
 from lime_keras.model.folder import SPLIT
 from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, predicted_quantities
-from lime_keras.networks.wiring import Wiring
+from lime_keras.networks.wiring import Networks, Wiring
 from lime_keras.optics import dichromatic
 
 
-def parts(subnetworks: Mapping[str, keras.Model]) -> dict[str, keras.Model]:
+def parts(subnetworks: Networks) -> dict[str, keras.Model]:
     """Return models that together compute the outputs of the joined subnetworks.
 
     Args:
@@ -84,10 +83,6 @@ def _exchanged(quantity: str) -> str:
     return quantity if quantity in ("image", "mask", SPLIT) else f"compressed_{quantity}"
 
 
-_CHANNELS = {"image": 3, SPLIT: dichromatic.CHANNELS}
-"""Number of channels of what is read and is no quantity."""
-
-
 class _SubnetworkGraph(Wiring):
     """The graph of one subnetwork, in which all that it does not predict is an input.
 
@@ -105,6 +100,7 @@ class _SubnetworkGraph(Wiring):
         if (quantity in DERIVED and quantity != SPLIT) or quantity in self._predictors:
             return super()._compute_input(quantity)
         name = _exchanged(quantity)
-        channels = _CHANNELS.get(quantity) or QUANTITIES[quantity].channels
+        others = {"image": 3, SPLIT: dichromatic.CHANNELS}  # these are no quantities
+        channels = others.get(quantity) or QUANTITIES[quantity].channels
         self.inputs[name] = keras.Input((self._size, self._size, channels), name=name)
         return self.inputs[name]

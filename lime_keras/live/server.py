@@ -12,7 +12,7 @@ import shutil
 import tempfile
 import threading
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -78,7 +78,13 @@ class LiveServer(ThreadingHTTPServer):
         self.session, self.source = Session(estimator), source
         self.page = ""
         self.busy = threading.Lock()
-        self.pages = _pages()
+        # Type and content of each of the page's files, by the path of its address.
+        pages = {
+            "/" + path.relative_to(PAGE).as_posix(): (_TYPES[path.suffix], path.read_bytes())
+            for path in sorted(PAGE.rglob("*"))
+            if path.suffix in _TYPES
+        }
+        self.pages = {"/": pages["/index.html"], **pages}
         self.about: dict[str, Any] = {
             "engine": "server",
             "version": __version__,
@@ -252,13 +258,3 @@ def _error_response(status: HTTPStatus, kind: str, message: str) -> tuple[HTTPSt
     """Return an answer that says what is wrong: `kind` for the page, `message` for its user."""
     content = json.dumps({"error": message, "kind": kind}).encode()
     return status, "application/json", content
-
-
-def _pages() -> Mapping[str, tuple[str, bytes]]:
-    """Return type and content of each of the page's files, by the path of its address."""
-    files = {
-        "/" + path.relative_to(PAGE).as_posix(): (_TYPES[path.suffix], path.read_bytes())
-        for path in sorted(PAGE.rglob("*"))
-        if path.suffix in _TYPES
-    }
-    return {"/": files["/index.html"], **files}

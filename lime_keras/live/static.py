@@ -68,7 +68,10 @@ def write(out: Path, run: Path, runtime: Mapping[str, bytes]) -> None:
     with atomic.replacing(out) as partial:
         shutil.copytree(PAGE, partial)
         (partial / ".nojekyll").touch()  # else GitHub Pages leaves files out
-        _add_preflight(partial / "index.html")
+        # The page first tells what its browser lacks, and starts the service worker.
+        script, page = '<script src="browser/preflight.js"></script>\n', partial / "index.html"
+        text = page.read_text(encoding="utf-8").replace("</head>", f"{script}</head>", 1)
+        page.write_text(text, encoding="utf-8")
         (partial / "graphs").mkdir()
         names = page_graphs.write(partial / "graphs", engine.folder, engine.description)
         for name, content in runtime.items():
@@ -152,13 +155,6 @@ def _archive() -> bytes:
             f"onnxruntime-web@{RUNTIME_VERSION}` where there is one, and put {_ARCHIVE} into the "
             "folder in which you run this"
         ) from error
-
-
-def _add_preflight(page: Path) -> None:
-    """Let a page tell first what its browser lacks, and start the service worker."""
-    text = page.read_text(encoding="utf-8")
-    script = '<script src="browser/preflight.js"></script>\n</head>'
-    page.write_text(text.replace("</head>", script, 1), encoding="utf-8")
 
 
 def _placed(folder: Path, backend: dict[str, str]) -> dict[str, str | int]:

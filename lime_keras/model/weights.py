@@ -6,7 +6,6 @@ weights are then read from the graphs.
 
 import dataclasses
 import json
-from collections.abc import Mapping
 from pathlib import Path
 
 import h5py
@@ -17,17 +16,14 @@ from lime_keras import console
 from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.networks import Architecture, build, subnetwork_names
+from lime_keras.networks.wiring import Networks
 
 _LEAST_COMPRESSED = 256  # number of values from which on it is worth to compress an array
 _OVERHEAD = 8192  # largest number of bytes for each array of a weights file beside its values
 
 
 def save(
-    model: Path,
-    architecture: Architecture,
-    subnetworks: Mapping[str, keras.Model],
-    *,
-    half: bool = False,
+    model: Path, architecture: Architecture, subnetworks: Networks, *, half: bool = False
 ) -> None:
     """Write the architecture and each subnetwork's weights, each file atomically.
 

@@ -5,14 +5,14 @@ The joined model contains only the subnetworks that its outputs need.
 
 import random
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 import keras
 from keras import layers
 
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.registry import OUTPUT_ROWS, SUBNETWORKS
-from lime_keras.networks.wiring import Wiring, predictors
+from lime_keras.networks.wiring import Networks, Wiring, predictors
 
 
 def subnetwork_names(architecture: Architecture) -> tuple[str, ...]:
@@ -40,7 +40,7 @@ def build(architecture: Architecture, seed: int | None = None) -> dict[str, kera
     return out
 
 
-def output_names(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
+def output_names(subnetworks: Networks) -> tuple[str, ...]:
     """Return the names out of `outputs.OUTPUTS` that `assemble` can compute with these subnetworks.
 
     Without MirrorNet there is no `mirror`. With regression, `log_exponent` `(B, 1)`, log10 s,
@@ -52,10 +52,7 @@ def output_names(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
 
 
 def assemble(
-    subnetworks: Mapping[str, keras.Model],
-    outputs: Collection[str] | None = None,
-    *,
-    with_mask: bool = False,
+    subnetworks: Networks, outputs: Collection[str] | None = None, *, with_mask: bool = False
 ) -> keras.Model:
     """Join subnetworks into one functional model from the image to the named outputs.
 

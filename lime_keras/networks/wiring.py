@@ -13,8 +13,10 @@ from lime_keras.networks.registry import (
     predicted_quantities,
 )
 
+Networks = Mapping[str, keras.Model]  # subnetworks by name
 
-def predictors(subnetworks: Mapping[str, keras.Model]) -> dict[str, str]:
+
+def predictors(subnetworks: Networks) -> dict[str, str]:
     """Map each quantity to the name of the subnetwork that predicts it, in the given order."""
     return {
         quantity: name
@@ -23,7 +25,7 @@ def predictors(subnetworks: Mapping[str, keras.Model]) -> dict[str, str]:
     }
 
 
-def required_inputs(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
+def required_inputs(subnetworks: Networks) -> tuple[str, ...]:
     """Return the quantities that must be given so that these subnetworks can run without others.
 
     They are the quantities that the subnetworks read and do not predict, and always the mask, which
@@ -54,7 +56,7 @@ class Wiring:
 
     def __init__(
         self,
-        subnetworks: Mapping[str, keras.Model],
+        subnetworks: Networks,
         given: Mapping[str, Any],
         *,
         training: bool | None = None,

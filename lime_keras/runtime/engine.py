@@ -8,6 +8,8 @@ import numpy as np
 
 from lime_keras.model.folder import ENGINES, PRECISIONS
 
+Arrays = Mapping[str, np.ndarray]  # images or numbers by name
+
 
 class Answering(Protocol):
     """A model in one file or folder that computes the outputs that are asked for.
@@ -18,9 +20,7 @@ class Answering(Protocol):
 
     outputs: tuple[str, ...]
 
-    def run(
-        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
-    ) -> dict[str, np.ndarray]:
+    def run(self, outputs: Collection[str], inputs: Arrays) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch.
 
         Args:

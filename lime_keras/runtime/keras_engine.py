@@ -1,12 +1,13 @@
 """The networks in Keras, under any of its backends."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lime_keras import console
+from lime_keras.runtime.engine import Arrays
 
 if TYPE_CHECKING:
     import keras
@@ -45,9 +46,7 @@ class KerasEngine:
         used = self._network(missing, inputs).layers if missing else []
         return tuple(name for name, part in self.parts.items() if part in used)
 
-    def run(
-        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
-    ) -> dict[str, np.ndarray]:
+    def run(self, outputs: Collection[str], inputs: Arrays) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Engine`)."""
         console.check_fork()
         fed = dict(inputs) if len(inputs) > 1 else inputs["image"]

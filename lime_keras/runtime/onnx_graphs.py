@@ -1,7 +1,7 @@
 """The graphs of a model in ONNX Runtime, one for each subnetwork, opened when first needed."""
 
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from lime_keras.io import untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.model.folder import DESCRIPTION, SPLIT, Description, Graph
 from lime_keras.outputs import OUTPUTS
+from lime_keras.runtime.engine import Arrays
 from lime_keras.runtime.sessions import Session
 
 
@@ -71,9 +72,7 @@ class OnnxGraphs:
         """Return the names of the subnetworks that outputs need (see `Engine`)."""
         return tuple(name for name in self.description.needed(outputs, inputs) if name != SPLIT)
 
-    def run(
-        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
-    ) -> dict[str, np.ndarray]:
+    def run(self, outputs: Collection[str], inputs: Arrays) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Engine`)."""
         values = dict(inputs)
         for name in self.description.needed(outputs, inputs):

@@ -1,12 +1,13 @@
 """An exported SavedModel, run by TensorFlow as TensorFlow Serving runs it."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
 from lime_keras import console
 from lime_keras.outputs import OUTPUTS
+from lime_keras.runtime.engine import Arrays
 
 SERVED = "serving_default"
 """Name of the signature with every output; each output also has a signature with its own name."""
@@ -34,9 +35,7 @@ class SavedModel:
         self.size = int(served.structured_input_signature[1]["image"].shape[1])
         self.outputs = tuple(filter(served.structured_outputs.__contains__, OUTPUTS))
 
-    def run(
-        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
-    ) -> dict[str, np.ndarray]:
+    def run(self, outputs: Collection[str], inputs: Arrays) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Answering`); a mask is not read."""
         import tensorflow as tf
 

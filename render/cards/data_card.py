@@ -35,8 +35,8 @@ def text(name: str, parts: Sequence[Split]) -> str:
         written=WRITTEN,
         licence="mit" if built_in else "other",
         size=next((label for limit, label in _SIZES if count < limit), "n>1M"),
-        parts=_parts(parts),
-        fields=_fields(),
+        parts="\n".join(map(_row, parts)),
+        fields="\n".join(f"| `{one}` | {content} |" for one, (_, content) in FIELDS.items()),
         made="\n".join(map(_made, parts)),
         terms=_BUILT_IN if built_in else _OTHERS,
     )
@@ -50,22 +50,11 @@ def is_ours(path: Path) -> bool:
         return True
 
 
-def _parts(parts: Sequence[Split]) -> str:
-    rows = [
-        "| part | entries | pixels | shapes | lights | files |",
-        "|---|---:|---:|---:|---:|---:|",
-    ]
-    for part in parts:
-        rows.append(
-            f"| {part.name} | {part.count} | {part.size} × {part.size} | {len(part.shapes)} "
-            f"| {len(part.lights)} | {len(part.sha256)} |"
-        )
-    return "\n".join(rows) + "\n"
-
-
-def _fields() -> str:
-    rows = [f"| `{name}` | {content} |" for name, (_, content) in FIELDS.items()]
-    return "\n".join(["| feature | content |", "|---|---|", *rows]) + "\n"
+def _row(part: Split) -> str:
+    return (
+        f"| {part.name} | {part.count} | {part.size} × {part.size} | {len(part.shapes)} "
+        f"| {len(part.lights)} | {len(part.sha256)} |"
+    )
 
 
 def _made(part: Split) -> str:

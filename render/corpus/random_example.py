@@ -156,7 +156,7 @@ class Sources:
         path = self._maps.get(name, self.rooms / name)
         if name not in self._maps and not path.is_file():
             self.render_room(name)
-        radiance = environments.load(path)
+        radiance = environments.read(path)[0]
         if len(radiance) > _LARGEST_MAP:
             height = min(_LARGEST_MAP, radiance.shape[1] // 2)
             radiance = environments.resized(radiance, height).astype(np.float32, "C")
@@ -247,7 +247,9 @@ def render_example(
         pose = sample_pose(rng, mesh.vertices, size, WIDE if sources.is_mixed else NARROW)
         rotation = sample_light_rotation(rng, light.strong_direction)
         material = sample_material(rng, materials)
-        background = _background(rng, sources, light, rotation, pose.camera, size)
+        picture = functools.partial(sources.background, rng, size)
+        seen = functools.partial(backgrounds.surroundings, rng, light, rotation, pose.camera, size)
+        background = backgrounds.varied(rng, size, picture, seen) if sources.is_mixed else picture()
         scene = pose, rotation, material, background
         names = {"shape": body, "light": light.name}
         try:
@@ -260,23 +262,4 @@ def render_example(
         f"example {index} of seed {sources.seed} failed {_TRIES} times, last of "
         f"{failures[-1]['shape']} under {failures[-1]['light']}: {failures[-1]['error']}; look at "
         "these files"
-    )
-
-
-def _background(
-    rng: np.random.Generator,
-    sources: Sources,
-    light: Light,
-    rotation: np.ndarray,
-    camera: np.ndarray,
-    size: int,
-) -> np.ndarray:
-    """Draw a background `(size, size, 3)`, sRGB; a varied one under the law of mixed lights."""
-    if not sources.is_mixed:
-        return sources.background(rng, size)
-    return backgrounds.varied(
-        rng,
-        size,
-        lambda: sources.background(rng, size),
-        lambda: backgrounds.surroundings(rng, light, rotation, camera, size),
     )

@@ -8,7 +8,7 @@ interruptions. A finished shard is never written again.
 import contextlib
 import dataclasses
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +17,11 @@ from lime_keras.io import locking
 
 from ..jobs import inputs, resuming
 from ..jobs.description import Description, Job
-from ..jobs.processes import Pool
+from ..jobs.processes import OnProgress, Pool
 from ..mitsuba_setup import variants
 from . import worker
 
 _WORK = "lime-render is rendering"
-
-OnProgress = Callable[[int, int], None]
-"""A function that is called with (done, total) as work goes on."""
 
 
 def render_split(

@@ -15,6 +15,9 @@ TASKS_PER_PROCESS = 16
 """Number of tasks after which a process is replaced, as Mitsuba keeps memory of every scene."""
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
+OnProgress = Callable[[int, int], None]
+"""A function that is called with (done, total) as work goes on."""
+
 
 class Pool:
     """Processes that report their progress; the death of a process is an error.
@@ -38,14 +41,7 @@ class Pool:
         self._start = start
         self._arguments = (*arguments, self._ticks.put)
 
-    def run(
-        self,
-        task: Callable,
-        items: Sequence,
-        done: int,
-        total: int,
-        tell: Callable[[int, int], None],
-    ) -> list:
+    def run(self, task: Callable, items: Sequence, done: int, total: int, tell: OnProgress) -> list:
         """Run `task` on each item, in any order, and wait for all.
 
         Args:

@@ -55,7 +55,9 @@ def render(room: Room, *, height: int = 128, samples: int = 32, seed: int) -> np
     shifts = [(i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)]
     around = np.max([padded[:, i : i + side, j : j + side] for i, j in shifts], axis=0)
     views = np.where(lights > 0, views, np.minimum(views, 2 * around))
-    return _equirectangular(views, height)
+    pixels, weights = _lookup(height, side)
+    values = (views.ravel()[pixels] * weights).reshape(height, SUBDIVISION, 2 * height, -1)
+    return values.sum(axis=(1, 3)).astype(np.float32)
 
 
 @lru_cache(maxsize=2)
@@ -155,13 +157,6 @@ def _views(scene: tuple, kind: str, side: int, samples: int, seed: int) -> np.nd
     rendered = mi.render(scene[0], integrator=scene[2][kind], seed=seed, spp=samples)  # type: ignore[arg-type]
     image = np.array(rendered, np.float32).reshape(side, 6, side).swapaxes(0, 1)
     return np.where(np.isfinite(image), np.maximum(image, 0), 0)
-
-
-def _equirectangular(views: np.ndarray, height: int) -> np.ndarray:
-    """Average the views over each texel's solid angle; return the map `(height, 2 * height)`."""
-    pixels, weights = _lookup(height, views.shape[1])
-    values = (views.ravel()[pixels] * weights).reshape(height, SUBDIVISION, 2 * height, -1)
-    return values.sum(axis=(1, 3)).astype(np.float32)
 
 
 @lru_cache(maxsize=2)

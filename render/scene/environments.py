@@ -23,11 +23,6 @@ LARGEST = 2**27
 _BAND = 256  # rows converted to floats at a time
 
 
-def load(path: str | Path) -> np.ndarray:
-    """Read an environment map as radiance of one channel; see `read`, which also returns notes."""
-    return read(path)[0]
-
-
 def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
     """Read an environment map as radiance of one channel, upright, and repair broken texels.
 

@@ -11,7 +11,7 @@ import keras
 import numpy as np
 
 from lime_keras.networks.registry import QUANTITIES, estimate, is_plain
-from lime_keras.networks.wiring import Wiring, predictors, required_inputs
+from lime_keras.networks.wiring import Networks, Wiring, predictors, required_inputs
 
 from . import masks
 from .kept import INPUT_MASK, PREDICTED, Kept
@@ -20,9 +20,7 @@ from .making import OnMaking
 _BATCH = 32  # photos of one prediction: not tuned, all of them fit any device that trains
 
 
-def independent(
-    subnetworks: Mapping[str, keras.Model], frozen: Collection[str]
-) -> dict[str, keras.Model]:
+def independent(subnetworks: Networks, frozen: Collection[str]) -> dict[str, keras.Model]:
     """Return the frozen subnetworks of a stage that read no prediction of one that learns."""
     out: dict[str, keras.Model] = {}
     learnt = set(predictors({n: one for n, one in subnetworks.items() if n not in frozen}))
@@ -35,9 +33,7 @@ def independent(
     return {name: one for name, one in out.items() if images.issuperset(predictors({name: one}))}
 
 
-def read_by(
-    learning: Mapping[str, keras.Model], independent: Mapping[str, keras.Model]
-) -> dict[str, keras.Model]:
+def read_by(learning: Networks, independent: Networks) -> dict[str, keras.Model]:
     """Return the independent subnetworks that those that learn read, or that these in turn read."""
     out = dict(learning)
     for name, network in reversed(list(independent.items())):
@@ -46,7 +42,7 @@ def read_by(
     return {name: network for name, network in out.items() if name in independent}
 
 
-def sha256(networks: Mapping[str, keras.Model]) -> str:
+def sha256(networks: Networks) -> str:
     """Return a hash of the weights of subnetworks."""
     digest = hashlib.sha256()
     for name, network in networks.items():
@@ -56,7 +52,7 @@ def sha256(networks: Mapping[str, keras.Model]) -> str:
     return digest.hexdigest()
 
 
-def features(networks: Mapping[str, keras.Model]) -> tuple[str, ...]:
+def features(networks: Networks) -> tuple[str, ...]:
     """Return the names of the features that are kept of these subnetworks, and the input mask."""
     return (INPUT_MASK, *(f"{PREDICTED}{quantity}" for quantity in predictors(networks)))
 
@@ -70,11 +66,7 @@ def predict_mask(network: keras.Model, images: np.ndarray) -> np.ndarray:
 
 
 def make(
-    photos: Kept,
-    answers: Kept,
-    networks: Mapping[str, keras.Model],
-    seed: int | None,
-    on_making: OnMaking,
+    photos: Kept, answers: Kept, networks: Networks, seed: int | None, on_making: OnMaking
 ) -> None:
     """Compute the answers that are missing.
 
@@ -142,7 +134,7 @@ def _layers(batch: Mapping[str, np.ndarray], model: keras.Model | None) -> dict[
     return {name: np.concatenate([part[name] for part in parts]) for name in model.output}
 
 
-def _joined(networks: Mapping[str, keras.Model]) -> keras.Model | None:
+def _joined(networks: Networks) -> keras.Model | None:
     """Return subnetworks as one model of photo and mask, which is compiled; None if there are none.
 
     Run op by op they take 2.5 times as long in bfloat16.

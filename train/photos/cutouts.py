@@ -174,14 +174,8 @@ def _shadow(cover: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     """Return the share of light that a thing's soft shadow takes, `(S, S, 1)`."""
     size = len(cover)
     down, right = (int(n) for n in generator.normal(0, 0.05 * size, 2))
-    soft = paint.blurred(
-        _shifted(cover, abs(down), right), int(generator.integers(1, max(2, size // 12)))
-    )
+    margin = max(abs(down), abs(right))
+    padded = np.pad(cover, ((margin, margin), (margin, margin), (0, 0)))
+    moved = padded[margin - abs(down) :, margin - right :][:size, :size]
+    soft = paint.blurred(moved, int(generator.integers(1, max(2, size // 12))))
     return soft * np.float32(generator.uniform(0.2, 0.8))
-
-
-def _shifted(image: np.ndarray, down: int, right: int) -> np.ndarray:
-    """Return an image `(S, S, C)` moved by whole pixels, 0 where nothing comes in."""
-    size, margin = len(image), max(abs(down), abs(right))
-    padded = np.pad(image, ((margin, margin), (margin, margin), (0, 0)))
-    return padded[margin - down :, margin - right :][:size, :size]

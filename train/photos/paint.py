@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 
 from lime_keras.optics import colour
 
@@ -43,7 +44,7 @@ Scene = Mapping[str, Any]
 `diffuse_albedo` `(3,)`."""
 
 
-def prints(scene: Scene, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def prints(scene: Scene, generator: Generator) -> tuple[np.ndarray, np.ndarray]:
     """Return an object's light with prints on it, `(S, S, 3)`, and where they are, `(S, S, 1)`.
 
     By Eq. 4 a print changes the radiance of a pixel by (m − m_d) · D; the highlights stay. The
@@ -58,7 +59,7 @@ def prints(scene: Scene, generator: np.random.Generator) -> tuple[np.ndarray, np
     return light.astype(np.float32), marks.astype(np.float32)
 
 
-def _change(own: np.ndarray, size: int, generator: np.random.Generator) -> np.ndarray | None:
+def _change(own: np.ndarray, size: int, generator: Generator) -> np.ndarray | None:
     """Return the change of the albedo at each pixel `(S, S, 3)`, or None for none."""
     albedo = np.broadcast_to(own, (size, size, 3))
     is_mottled, is_printed = generator.random(2) < (_MOTTLED, _PRINTED)
@@ -76,9 +77,7 @@ def _change(own: np.ndarray, size: int, generator: np.random.Generator) -> np.nd
     return (albedo - own).astype(np.float32)
 
 
-def clutter(
-    scene: Scene, other: np.ndarray, generator: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def clutter(scene: Scene, other: np.ndarray, generator: Generator) -> tuple[np.ndarray, np.ndarray]:
     """Return an object's light and that of what is behind it, each `(S, S, 3)`, both painted anew.
 
     New colours keep the object's shading: the largest of R, G and B at each pixel.
@@ -97,13 +96,14 @@ def clutter(
     return painted.astype(np.float32), behind.astype(np.float32)
 
 
-def _painted(scene: Scene, other: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+def _painted(scene: Scene, other: np.ndarray, generator: Generator) -> np.ndarray:
     """Return the light of an object in other colours, `(S, S, 3)`."""
     out, mask = scene["object"], scene["mask"]
     shade = out.max(axis=-1, keepdims=True)
     if generator.random() < _TEXTURED:
-        texture = np.minimum(_turned(other, generator), 1)
-        out = _brightened(shade, mask, generator.uniform(1, 1.5)) * texture
+        texture = np.rot90(other, int(generator.integers(4)))
+        texture = texture[:, ::-1] if generator.random() < 0.5 else texture
+        out = _brightened(shade, mask, generator.uniform(1, 1.5)) * np.minimum(texture, 1)
     if generator.random() < _PARTED:
         for _ in range(generator.integers(1, 3)):
             part = pattern(len(out), generator, generator.uniform(-0.3, 0.6), _COARSE)
@@ -115,7 +115,7 @@ def _painted(scene: Scene, other: np.ndarray, generator: np.random.Generator) ->
     return out
 
 
-def _coloured(shade: np.ndarray, mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+def _coloured(shade: np.ndarray, mask: np.ndarray, generator: Generator) -> np.ndarray:
     """Return shading `(S, S, 1)` brightened at random, in a random colour, `(S, S, 3)`."""
     gain = np.exp(generator.uniform(0, np.log(_BRIGHTEST)))
     paint = colour.srgb_to_linear(generator.uniform(0, 1, 3)).astype(np.float32)
@@ -127,7 +127,7 @@ def _brightened(shade: np.ndarray, mask: np.ndarray, factor: float) -> np.ndarra
     return np.minimum(shade * np.float32(_of_light(factor)), np.maximum(shade, mask))
 
 
-def _background(scene: Scene, painted: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+def _background(scene: Scene, painted: np.ndarray, generator: Generator) -> np.ndarray:
     """Return the light of what is behind an object, `(S, S, 3)`, which may be something else."""
     mask, chance = scene["mask"], generator.random()
     if chance < _CAMOUFLAGED:
@@ -140,7 +140,7 @@ def _background(scene: Scene, painted: np.ndarray, generator: np.random.Generato
     return scene["background"]
 
 
-def paper(size: int, generator: np.random.Generator) -> np.ndarray:
+def paper(size: int, generator: Generator) -> np.ndarray:
     """Return the radiance of white, black or grey paper, `(size, size, 3)` float32 in [0, 1]."""
     grey = generator.choice([0.0, 1.0, generator.uniform()])
     lit = 0.05 * smooth_noise(size, generator, _COARSE) if grey else np.zeros((size, size, 1))
@@ -149,7 +149,7 @@ def paper(size: int, generator: np.random.Generator) -> np.ndarray:
 
 
 def pattern(
-    size: int, generator: np.random.Generator, level: float, cells: tuple[int, int] = _CELLS
+    size: int, generator: Generator, level: float, cells: tuple[int, int] = _CELLS
 ) -> np.ndarray:
     """Return where smooth noise is above a level, `(size, size, 1)` float32 in [0, 1].
 
@@ -163,9 +163,7 @@ def pattern(
     return np.clip(_SHARPNESS * (noise - level) + 0.5, 0, 1).astype(np.float32)
 
 
-def smooth_noise(
-    size: int, generator: np.random.Generator, cells: tuple[int, int] = _CELLS
-) -> np.ndarray:
+def smooth_noise(size: int, generator: Generator, cells: tuple[int, int] = _CELLS) -> np.ndarray:
     """Return noise between standard normal nodes, linear in each cell, `(size, size, 1)`.
 
     Args:
@@ -190,12 +188,6 @@ def blurred(mask: np.ndarray, radius: int) -> np.ndarray:
 def _of_light(factor: Any) -> Any:
     """Return the factor of linear light that looks like a factor of sRGB values."""
     return factor**_EXPONENT
-
-
-def _turned(image: np.ndarray, generator: np.random.Generator) -> np.ndarray:
-    """Return an image `(S, S, 3)` turned by quarters and mirrored at random."""
-    turned = np.rot90(image, int(generator.integers(4)))
-    return turned[:, ::-1] if generator.random() < 0.5 else turned
 
 
 def _between(size: int, cells: int) -> np.ndarray:

@@ -115,11 +115,7 @@ class _Run:
         self._steps = steps.steps(chosen, seed, any("sha256" in one for one in self._things))
         self._inputs = {
             steps.DATA: [self._record["data"], chosen.held_out],
-            # Without the names of pictures, where an older version downloaded them.
-            steps.CUTOUTS: [
-                [one.get("sha256"), one["ranges"]] if "ranges" in one else one.get("sha256")
-                for one in self._things
-            ],
+            steps.CUTOUTS: [[one.get("sha256"), one["ranges"]] for one in self._things],
         }
         for title, step in self._steps.items():
             _check_options(title, step.command)
@@ -335,10 +331,8 @@ def _check_options(title: str, command: Sequence[str]) -> None:
 def _fits(path: Path, packages: Sequence[Package]) -> bool:
     """Return whether a record of cut-outs is of these packages and pictures."""
     records = _packages(path) if path.is_file() else []
-    return [(one["package"], one.get("ranges")) for one in records] in (
-        [(str(one), list(one.ranges)) for one in packages],
-        [(str(one), None) for one in packages],  # of an older version
-    )
+    asked = [(str(one), list(one.ranges)) for one in packages]
+    return [(one["package"], one.get("ranges")) for one in records] == asked
 
 
 def _packages(path: Path) -> list[dict[str, Any]]:

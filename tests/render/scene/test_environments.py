@@ -74,7 +74,7 @@ def test_the_integral_stays_at_the_extremes():
 
 def test_hdr_is_read_as_luminance(tmp_path):
     texels = noise(24)
-    read = environments.load(write(tmp_path / "map.hdr", texels))
+    read = environments.read(write(tmp_path / "map.hdr", texels))[0]
     np.testing.assert_allclose(read, texels @ [0.2126, 0.7152, 0.0722], rtol=0.05)
 
 
@@ -101,7 +101,7 @@ def test_one_broken_channel_counts_one_texel_and_leaves_the_others(tmp_path, dty
 
 @pytest.mark.parametrize("value", [1e-40, 1e-30, 1e30, np.finfo(np.float32).max])
 def test_radiance_of_any_size_stays_finite(tmp_path, value):
-    read = environments.load(write(tmp_path / "map.exr", np.full((4, 8, 3), value, np.float32)))
+    read = environments.read(write(tmp_path / "map.exr", np.full((4, 8, 3), value, np.float32)))[0]
     np.testing.assert_allclose(read / np.float32(value), 1, rtol=1e-4)
 
 
@@ -129,7 +129,7 @@ WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 @pytest.mark.parametrize("names", ["R", "Y", "Z", "RGB", "BGR", "RGBA", "ABGR", "RGBZ", "XYZ"])
 def test_channels_are_known_by_their_names(tmp_path, names, kind):
     texels = noise(8, len(names)).astype(np.float16).astype(np.float32)
-    read = environments.load(write_exr(tmp_path / "map.exr", texels, list(names), kind))
+    read = environments.read(write_exr(tmp_path / "map.exr", texels, list(names), kind))[0]
     if {*"RGB"} <= {*names}:
         expected = texels[..., [names.index(name) for name in "RGB"]] @ WEIGHTS
     else:
@@ -144,11 +144,11 @@ def test_other_layers_are_left_alone_and_told(tmp_path):
     np.testing.assert_allclose(read, texels[..., :3] @ WEIGHTS, rtol=1e-5)
     assert notes == ("of 6 channels, R, G, B are used",)
     named = [f"view.{name}" for name in "RGB"]
-    read = environments.load(write_exr(tmp_path / "map.exr", texels[..., :3], named, "float"))
+    read = environments.read(write_exr(tmp_path / "map.exr", texels[..., :3], named, "float"))[0]
     np.testing.assert_allclose(read, texels[..., :3] @ WEIGHTS, rtol=1e-5)
     unclear = [f"{layer}.{name}" for layer in ("a", "b") for name in "RGB"]
     with pytest.raises(ValueError, match=r"map\.exr .* holds the layers a, b, and not one alone"):
-        environments.load(write_exr(tmp_path / "map.exr", texels, unclear))
+        environments.read(write_exr(tmp_path / "map.exr", texels, unclear))
 
 
 @pytest.mark.parametrize("names", [("depth", "rgba"), ("a", "b")])
@@ -162,10 +162,10 @@ def test_of_several_parts_the_picture_is_read(names, tmp_path):
     assert file.open(path, specs[1], "AppendSubimage") and file.write_image(noise(16))
     file.close()
     if "rgba" in names:
-        np.testing.assert_allclose(environments.load(path), noise(16) @ WEIGHTS, rtol=1e-5)
+        np.testing.assert_allclose(environments.read(path)[0], noise(16) @ WEIGHTS, rtol=1e-5)
     else:
         with pytest.raises(ValueError, match=r"parts\.exr .* the layers a, b, and not one alone"):
-            environments.load(path)
+            environments.read(path)
 
 
 @pytest.mark.parametrize("tile", [0, 16])
@@ -180,7 +180,7 @@ def test_compressions_and_tiles_make_no_difference(tmp_path, compression, rtol, 
     texels = (1 + noise(32)).astype(np.float16).astype(np.float32)
     path = tmp_path / "map.exr"
     write_exr(path, texels, list("RGB"), compression=compression, tile=tile)
-    np.testing.assert_allclose(environments.load(path), texels @ WEIGHTS, rtol=rtol)
+    np.testing.assert_allclose(environments.read(path)[0], texels @ WEIGHTS, rtol=rtol)
 
 
 def test_data_are_read_in_their_window(tmp_path):
@@ -234,14 +234,14 @@ def radiance_file(path, resolution, runs=False, form="32-bit_rle_rgbe", rows=np.
 )
 def test_radiance_files_are_turned_upright(tmp_path, resolution, rows, runs):
     expected = radiance_file(tmp_path / "map.hdr", resolution, runs, rows=rows)
-    read = environments.load(tmp_path / "map.hdr")
+    read = environments.read(tmp_path / "map.hdr")[0]
     np.testing.assert_allclose(read, expected, rtol=0.005)
 
 
 def test_xyze_is_refused_by_name(tmp_path):
     radiance_file(tmp_path / "xyz.hdr", "-Y 16 +X 32", form="32-bit_rle_xyze")
     with pytest.raises(ValueError, match=r"xyz\.hdr cannot be read"):
-        environments.load(tmp_path / "xyz.hdr")
+        environments.read(tmp_path / "xyz.hdr")
 
 
 @pytest.mark.parametrize("size", [(1, 2), (2, 4), (31, 63), (513, 1025), (515, 1015), (700, 1390)])
@@ -259,14 +259,14 @@ def test_maps_that_are_cut_short_are_refused_by_name(tmp_path, extension, share)
     path = write(tmp_path / f"cut{extension}", noise(64))
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     with pytest.raises(ValueError, match=rf"cut\{extension} cannot be read"):
-        environments.load(path)
+        environments.read(path)
 
 
 @pytest.mark.parametrize("extension", [".exr", ".hdr"])
 def test_a_picture_under_the_name_of_a_map_is_refused(tmp_path, extension):
     write(tmp_path / "sky.png", noise(16)).rename(tmp_path / f"sky{extension}")
     with pytest.raises(ValueError, match=rf"sky\{extension}: is a PNG file by its content"):
-        environments.load(tmp_path / f"sky{extension}")
+        environments.read(tmp_path / f"sky{extension}")
 
 
 @pytest.mark.parametrize(
@@ -280,15 +280,15 @@ def test_a_picture_under_the_name_of_a_map_is_refused(tmp_path, extension):
 def test_unfit_maps_are_refused_by_name(tmp_path, texels, message):
     path = write(tmp_path / "unfit.exr", texels)
     with pytest.raises(ValueError, match=rf"unfit\.exr{message}"):
-        environments.load(path)
+        environments.read(path)
 
 
 def test_missing_and_broken_files_are_refused_by_name(tmp_path):
     with pytest.raises(ValueError, match=r"none\.exr cannot be read"):
-        environments.load(tmp_path / "none.exr")
+        environments.read(tmp_path / "none.exr")
     (tmp_path / "broken.hdr").write_bytes(b"#?RADIANCE\n\nnothing")
     with pytest.raises(ValueError, match=r"broken\.hdr cannot be read"):
-        environments.load(tmp_path / "broken.hdr")
+        environments.read(tmp_path / "broken.hdr")
 
 
 def test_pipes_and_huge_headers_are_refused_at_once(tmp_path):
@@ -315,4 +315,4 @@ def test_a_radiance_file_with_photoshops_empty_primaries_is_read_as_rec709(tmp_p
     head, rest = plain.read_bytes().split(b"\n\n", 1)
     photoshop = tmp_path / "photoshop.hdr"
     photoshop.write_bytes(head + b"\nPRIMARIES=0 0 0 0 0 0 0 0\n\n" + rest)
-    np.testing.assert_array_equal(environments.load(photoshop), environments.load(plain))
+    np.testing.assert_array_equal(environments.read(photoshop)[0], environments.read(plain)[0])
