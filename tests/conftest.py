@@ -241,10 +241,10 @@ def ablation_model(ablation, shared):
 
 
 @pytest.fixture(scope="session")
-def linear_model(tiny, shared):
-    """Return the folder of an untrained tiny model that predicts linear radiance."""
-    linear = dataclasses.replace(tiny, linear=True, mask_contrast=False)
-    return shared("linear", lambda folder: _saved(folder / "model", linear, seed=3)) / "model"
+def split_model(tiny, shared):
+    """Return the folder of an untrained tiny model that splits colours, in linear radiance."""
+    split = dataclasses.replace(tiny, dichromatic=True, linear=True, mask_contrast=False)
+    return shared("split", lambda folder: _saved(folder / "model", split, seed=3)) / "model"
 
 
 def _saved(folder, architecture, seed):

@@ -39,10 +39,6 @@ def test_an_ablations_graphs_answer_what_keras_answers(ablation_model):
     agrees(ablation_model)
 
 
-def test_the_graphs_of_linear_radiance_answer_what_keras_answers(linear_model):
-    agrees(linear_model)
-
-
 def agrees(model):
     images, engine = parity.images(32), opened(model_folder.graphs(model))
     expected = parity.predictions(Network(assemble(weights.load(model)[1])), images)
