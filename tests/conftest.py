@@ -250,22 +250,14 @@ def split_model(tiny, shared):
 def _saved(folder, architecture, seed):
     """Save a model with random weights of a seed, chosen so that all outputs vary; export it."""
     import keras
+    import lifted_heads
 
     from lime_keras.export.exporter import GRAPHS, export
     from lime_keras.model import weights
     from lime_keras.networks import build
 
     keras.utils.set_random_seed(seed)
-    subnetworks = build(architecture)
-    # Untrained outputs are around 0, where mask and albedos are clipped: biases lift them.
-    heads = {"segmentation": 0.6, "specular": 0.5, "mirror": 0.5, "reflectance_map": 0.5}
-    for name, network in subnetworks.items():
-        if name in heads:
-            (head,) = (layer for layer in network.layers if layer.name.endswith("head"))
-            head.bias.assign([heads[name]] * head.filters)
-        elif name in ("albedo", "material"):
-            network.get_layer("albedos").bias.assign([0.5] * 4)
-    weights.save(folder, architecture, subnetworks)
+    weights.save(folder, architecture, lifted_heads.lift(build(architecture)))
     export(folder.parent, GRAPHS, folder)
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import lifted_heads
 import numpy as np
 import pytest
 
@@ -59,12 +60,13 @@ def test_the_parts_of_an_ablation_together_have_all_outputs(ablation):
     assert answered & set(OUTPUT_ROWS) == set(assemble(build(ablation)).output)
 
 
-@pytest.mark.parametrize(("seed", "split"), [(0, False), (1, False), (0, True)])
-def test_joined_by_name_they_answer_what_the_whole_answers(tiny, seed, split):
-    subnetworks = build(with_split(tiny) if split else tiny, seed)
-    images = np.random.default_rng(seed).uniform(size=(3, 32, 32, 3)).astype(np.float32)
+@pytest.mark.parametrize("split", [False, True])
+def test_joined_by_name_they_answer_what_the_whole_answers(tiny, split):
+    subnetworks = lifted_heads.lift(build(with_split(tiny) if split else tiny, seed=4))
+    images = np.random.default_rng(0).uniform(size=(3, 32, 32, 3)).astype(np.float32)
     values = {"image": images}
     for alone in parts(subnetworks).values():
         values |= alone.predict_on_batch({key: values[key] for key in alone.input})
     for name, expected in assemble(subnetworks).predict_on_batch(images).items():
+        assert np.ptp(expected) > 1e-3, name
         np.testing.assert_allclose(values[name], expected, rtol=1e-5, atol=1e-6)
