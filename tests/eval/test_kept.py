@@ -7,6 +7,8 @@ import sphere_corpus
 from lime_keras.eval import kept
 from lime_keras.eval.accuracy.evaluate import evaluate
 
+pytestmark = pytest.mark.usefixtures("engines_opened_once")
+
 
 @pytest.fixture
 def counted(monkeypatch):

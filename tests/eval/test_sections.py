@@ -15,6 +15,7 @@ from lime_keras.eval import cli
 from lime_keras.eval.tradeoff import measure, recommendation, table
 from lime_keras.render.inspect import images
 
+pytestmark = pytest.mark.usefixtures("engines_opened_once")
 BENCHMARK = Path(__file__).parents[2] / "docs" / "reference" / "benchmark.md"
 
 
