@@ -28,9 +28,15 @@ def shards(tmp_path_factory):
     ]
 
 
-@pytest.mark.parametrize("name", ["mirror", "environment", "shininess", "diffuse_albedo"])
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize("with_camera", [False, True])
+@pytest.mark.parametrize(
+    "name, value, with_camera",
+    [
+        ("mirror", np.nan, True),
+        ("environment", np.inf, True),
+        ("shininess", np.nan, False),
+        ("diffuse_albedo", np.inf, False),
+    ],
+)
 def test_a_number_that_is_not_finite_is_located(name, value, with_camera, tmp_path):
     """As another program could write it: `records.encode` refuses it."""
     sound = records.encode(example(0, size=SIZE))
@@ -180,7 +186,7 @@ def test_the_camera_is_scaled_along(rough):
     np.testing.assert_allclose(coarse / coarse[..., 2:], slopes, atol=1e-6)
 
 
-@pytest.mark.parametrize("size", [3, 5, 15, 17, 32])
+@pytest.mark.parametrize("size", [5, 32])
 def test_sizes_that_do_not_divide_are_refused(rough, shards, size):
     with pytest.raises(tf.errors.InvalidArgumentError, match=f"averaged to {size}"):
         pipeline.resize(rough, size)
@@ -230,7 +236,7 @@ def test_errors_without_damage_stay_what_they_are(shards):
 
 @pytest.mark.parametrize("count, last", [(2, 1), (3, 1), (19, 1), (20, 2), (35, 3)])
 def test_the_last_tenth_is_the_validation_set(tmp_path, count, last):
-    write_split(tmp_path, "train", [range(1)] * count)
+    write_split(tmp_path, "train", [range(1)] * count, size=8)
     training, validation = pipeline.training_shards(tmp_path)
     assert training + validation == Split(tmp_path, "train").shard_paths()
     assert len(validation) == last and len(training) == count - last
