@@ -38,6 +38,34 @@ BRIEF = dataclasses.replace(
 )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_stage_traced():
+    """Of all stages, specular+mirror alone is traced, as every one is outside of these tests."""
+    compiled = stage_model.StageModel.compile
+
+    def compile_(model, **options):
+        compiled(model, run_eagerly=set(model.subnetworks) != {"specular", "mirror"}, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stage_model.StageModel, "compile", compile_)
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def photos_made_once(tmp_path_factory):
+    """All runs keep their photos in one folder, under the hash of what these follow from."""
+    folder = tmp_path_factory.mktemp("photos")
+
+    def opened(*arguments):
+        data = Data(*arguments)
+        data._folder = folder
+        return data
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "Data", opened)
+        yield
+
+
 @pytest.fixture(scope="module")
 def corpus(tmp_path_factory):
     return write_split(tmp_path_factory.mktemp("corpus"), "train", [range(6), range(6, 9)])
@@ -601,7 +629,8 @@ def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
         "of the train split: render it again.*last checkpoint is from before"
     )
     longer = dataclasses.replace(BRIEF, encoder_steps=9, camera=False)
-    unseen = dataclasses.replace(config, schedule=longer)
+    digest = corpus_sha256([broken])
+    unseen = dataclasses.replace(config, schedule=longer, corpus_sha256=digest)
     with pytest.raises(RuntimeError, match=expected):
         trainer.train([broken], tmp_path / "run", unseen, ignore, only=["albedo"])
     assert not (tmp_path / "run" / "model").exists()
@@ -610,8 +639,9 @@ def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
 def test_a_record_that_holds_no_number_is_named(corpus, config, tmp_path):
     broken = _altered(corpus, tmp_path / "corpus", 3, "ambient", np.nan)
     expected = r"00000\.tfrecord is broken: record 3 .*ambient is not finite"
+    of_it = dataclasses.replace(config, corpus_sha256=corpus_sha256([broken]))
     with pytest.raises(ValueError, match=expected):
-        trainer.train([broken], tmp_path / "run", config, ignore, only=["exponent"])
+        trainer.train([broken], tmp_path / "run", of_it, ignore, only=["exponent"])
 
 
 @pytest.mark.slow
