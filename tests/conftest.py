@@ -31,6 +31,8 @@ hypothesis.settings.load_profile("shared machine")
 LONGEST = (
     *("test_exporter.py", "test_trainer.py", "test_cli.py", "test_quickstart.py"),
     *("test_making.py", "test_suite.py", "test_loading.py", "test_split.py"),
+    *("test_without_tensorflow.py", "test_stage_model.py", "test_pipeline.py"),
+    *("test_predictions.py", "test_weights.py"),
 )
 TESTS = Path(__file__).parent
 QUICK = (
@@ -43,6 +45,7 @@ QUICK = (
 """What `pytest -m quick` runs, below `tests/`: numbers, files and the order of imports."""
 
 
+@functools.cache
 def _is_quick(path):
     return any(path.is_relative_to(TESTS / place) for place in QUICK)
 
