@@ -14,7 +14,7 @@ import sphere_corpus
 
 from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.evaluate import evaluate, evaluate_predictions
-from lime_keras.eval.accuracy.predictions import find
+from lime_keras.eval.accuracy.predictions import Answers, find
 from lime_keras.io import photo
 
 COUNT, SIZE = 5, 32
@@ -199,22 +199,22 @@ def test_the_answer_without_an_object_of_lime_estimate_is_taken(answers, corpus)
         ({"diffuse_albedo": [[0.1, 0.2, 0.3]] * 3}, r"and not 3 numbers"),
     ],
 )
-def test_numbers_that_are_none_are_named(changes, told, answers, corpus):
+def test_numbers_that_are_none_are_named(changes, told, answers):
     path = answers / "00002.json"
     with json_files.edited(path) as held:
         held.update(changes)
     with pytest.raises(ValueError, match=rf"^{re.escape(str(path))}: .*{told}"):
-        evaluate_predictions(find(answers), corpus)
+        Answers(find(answers), COUNT, SIZE, {})
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b"[" * 100_000, b"9" * 9999])
-def test_what_is_no_json_is_named(content, answers, corpus):
+def test_what_is_no_json_is_named(content, answers):
     path = answers / "00002.json"
     path.write_bytes(content)
     with pytest.raises(
         ValueError, match=rf"^{re.escape(str(path))} cannot be read as an answer: .*; write one"
     ):
-        evaluate_predictions(find(answers), corpus)
+        Answers(find(answers), COUNT, SIZE, {})
 
 
 def _layer(values, size=SIZE, channels=1):
