@@ -669,6 +669,7 @@ def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, mon
 
 def test_one_shard_cannot_be_split(config, tmp_path):
     corpus = write_split(tmp_path, "train", [range(2)])
+    config = dataclasses.replace(config, corpus_sha256=corpus_sha256([corpus]))
     with pytest.raises(ValueError, match="at least 2"):
         trainer.train([corpus], tmp_path / "run", config, ignore)
     assert not (tmp_path / "run" / "config.json").exists(), "the mended corpus would be refused"

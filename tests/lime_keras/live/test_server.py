@@ -88,7 +88,7 @@ def test_the_page_and_its_files_are_there_and_nothing_else(server):
 def test_the_page_offers_the_suffixes_that_the_server_reads():
     page = (PAGE / "index.html").read_text(encoding="utf-8")
     offered = re.search(r'id="file" type="file" accept="(.+?)"', page)[1].split(",")
-    of_browsers = {".jpg", ".jpeg", ".png", ".webp", ".bmp", ".gif"}  # `image/*`
+    of_browsers = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".webp", ".bmp", ".gif"}  # `image/*`
     assert set(offered) - {"image/*", "video/*"} == set(SUFFIXES) - of_browsers
 
 
