@@ -4,8 +4,8 @@
 
 The mask and M are those of `live`, as it comes with the package, where Adam trains M, too. S and
 the encoders learn from nothing, of the scenes of `live` and for as many batches. 15 GB of disk.
-Scores on its validation scenes: right bin 25.8 % (or neighbouring 52.2 %), log10 s 0.582, m_d 0.088,
-m_s 0.055, S 0.778, M 0.864; `live` has 27.2 % (59.7 %), 0.561, 0.088, 0.055, 0.758, 0.860.
+Scores on its validation scenes: right bin 25.8 % (or neighbouring 52.2 %), log10 s 0.582, m_d
+0.088, m_s 0.055, S 0.778, M 0.864; `live` has 27.2 % (59.7 %), 0.561, 0.088, 0.055, 0.758, 0.860.
 """
 
 import dataclasses
