@@ -13,7 +13,7 @@ _PRETRAINED_RATE = 0.1
 """Share of the learning rate for pretrained layers: the full rate destroys them in a few steps."""
 _FEW_CHANNELS = 4
 """Largest number of channels that go into, or come out of, a convolution left to Adam."""
-_BY_ADAM = ("mirror",)
+BY_ADAM = ("mirror",)
 """Subnetworks left to Adam: under Muon the deep levels of MirrorNet grow until others die."""
 
 
@@ -100,7 +100,7 @@ class WatchedMuon(_Watched, keras.optimizers.Muon):
         """Return whether Adam updates a variable; Keras asks this method."""
         inner = len(variable.shape) == 4 and min(variable.shape[2:]) > _FEW_CHANNELS
         names = [name for name, count in self._groups for _ in range(count)]
-        by_adam = names[self._get_variable_index(variable)] in _BY_ADAM
+        by_adam = names[self._get_variable_index(variable)] in BY_ADAM
         return not inner or by_adam or _is_pretrained(variable)
 
     def _muon_update_step(self, gradient: Any, variable: keras.Variable, lr: Any, m: Any) -> None:

@@ -63,7 +63,7 @@ class Checkpoint:
         values = [keras.ops.convert_to_numpy(variable) for variable in _variables(model)]
         with atomic.replacing(self.path) as partial:
             np.savez(partial, *values, signature=self._signature, step=step)
-            with partial.open("rb") as file:
+            with partial.open("r+b") as file:
                 os.fsync(file.fileno())  # or lost power takes the one before, too
 
     def restore(self, model: StageModel) -> None:

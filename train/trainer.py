@@ -35,7 +35,7 @@ from . import backbone, hosts, initial_weights
 from .config import Config, claim, config_path
 from .data import Data
 from .devices import Devices
-from .optimizer import OPTIMIZERS, LossScale
+from .optimizer import BY_ADAM, OPTIMIZERS, LossScale
 from .photos import answers
 from .photos.making import OnMaking
 from .stage_model import StageModel
@@ -117,6 +117,8 @@ def train(
 def _refuse(config: Config, only: Collection[str] | None, reuse: Path | None, devices: int) -> None:
     """Raise an error for options that contradict each other, whatever the folders hold."""
     names = [stage.name for stage in stages_of(config)]
+    if not names:
+        raise ValueError("--freeze leaves no stage to train: freeze fewer")
     if unknown := sorted(set(only or ()) - set(names)):
         raise ValueError(f"no stage {', '.join(unknown)}: this run has {', '.join(names)}")
     processes = hosts.rank_and_size()[1]
@@ -127,8 +129,6 @@ def _refuse(config: Config, only: Collection[str] | None, reuse: Path | None, de
         )
     if reuse is not None and not (reuse / "stages").is_dir():
         raise FileNotFoundError(f"{reuse} holds no stages of a run to take over: check --reuse")
-    if not names:
-        raise ValueError("--freeze leaves no stage to train: freeze fewer")
     if config.precision == "float16" and config.architecture.linear:
         raise ValueError("float16 holds no linear radiance: pass --precision bfloat16")
 
@@ -321,10 +321,12 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
     """Return a hash of all that a stage's weights follow from: its settings and earlier stages."""
     schedule = config.schedule
     alone = stage.subnetworks == ("segmentation",)
+    mixed = stage.optimizer == "muon" and not set(BY_ADAM).isdisjoint(model.subnetworks)
     shared = {name: getattr(schedule, name) for name in ("cosine", "epsilon", "decay", "average")}
     follows_from = {
         # Without what it does not have, so that stages begun before there was an average go on.
         "stage": {k: v for k, v in (vars(stage) | shared).items() if v is not None},
+        **({"by_adam": BY_ADAM} if mixed else {}),
         "layers": {
             name: [
                 (layer.name, [tuple(weight.shape) for weight in layer.weights])

@@ -1,8 +1,9 @@
 """The files of the models that are compared: graphs in each precision, a SavedModel, and a page.
 
-They are written once into a folder, and again when they are of other weights or another version.
+They are written once into a folder, and again when they are of other weights or other code.
 """
 
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -38,6 +39,9 @@ def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -
     run = runs[case.model]
     mark = home / f"{case.runtime}-{case.precision}.made-of"
     of_what = f"{model_folder.digest(run)} {kept.code()}"
+    if case.runtime == BROWSER:
+        files = sorted(one for one in static.PAGE.rglob("*") if one.is_file())
+        of_what += " " + hashlib.sha256(b"".join(one.read_bytes() for one in files)).hexdigest()
     if case.precision == "int8":
         of_what += " " + untrusted.sha256(Split(corpus, "train").manifest_path)
     is_made = mark.is_file() and mark.read_text() == of_what

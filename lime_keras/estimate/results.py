@@ -67,8 +67,8 @@ class Results:
     ) -> list[str]:
         """Return the names of sources, so that each keeps the name under which it is there already.
 
-        A new photo `a.jpg` beside the finished `a.png` may come first, and is called `a-2`. A photo
-        of a name of its own, as in a sequence, keeps that.
+        A new photo `a.jpg` beside the finished `a.png` may come first, and is called `a-2`. Photos
+        of which no two have the same stem, as in a sequence, keep their names.
 
         Args:
             names: names of the sources (`files.distinct_names`).
@@ -232,13 +232,13 @@ class Results:
         """Remove an earlier result; raise ValueError if a file in the way is another's."""
         target = self.json(name)
         earlier, start = result_json.read(target), glob.escape(target.stem)
-        found = {path.name for end in several for path in target.parent.glob(start + end)}
+        there = {path.name for end in several for path in target.parent.glob(start + end)}
         # What another result names is its own: `a-scene-1` may be a photo.
-        others = map(result_json.read, target.parent.glob(f"{start}-*.json"))
-        there = found.difference(*(one["files"] for one in others if one))
+        others = map(result_json.read, target.parent.glob(f"{start}-*.json")) if there else ()
+        foreign = {file for one in others if one for file in one["files"]}
         own = set(earlier["files"]) if earlier else set()
         if earlier and earlier["made"].get("unfinished"):
-            own |= there  # it was interrupted before it could name them
+            own |= there - foreign  # it was interrupted before it could name them
         for file in (*files, *sorted(there)):
             path = target.with_name(file)
             if not self._overwrite and file not in own and os.path.lexists(path):

@@ -277,7 +277,8 @@ def _complete(folder: Path, weights_folder: Path, *, is_other: bool) -> None:
     for stale in model.glob("*.json") if is_other else ():
         stale.unlink()
     for path in sorted(source.glob("*.json")):
-        if not (model / path.name).exists():  # as a calibration of one's own
+        # A calibration of one's own stays.
+        if path.name != gloss_file.NAME or not (model / path.name).exists():
             shutil.copyfile(path, model / path.name)
 
 

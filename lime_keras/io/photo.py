@@ -395,9 +395,8 @@ def encoded(path: Path, image: np.ndarray) -> bytes:
     try:
         picture.save(out, kind, **options)
     except OSError as error:  # of an encoder: no disk is written to here
-        raise OSError(
-            f"{path} cannot be written: {error}; call it .png, or close programs if memory is short"
-        ) from error
+        mend = "close programs if memory is short" + ("" if kind == "PNG" else ", or call it .png")
+        raise OSError(f"{path} cannot be written: {error}; {mend}") from error
     return out.getvalue()
 
 

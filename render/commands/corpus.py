@@ -92,7 +92,7 @@ def _add_contents(out: Any) -> None:
         choices=("unseen", "known"),
         default="unseen",
         help="of a test split: lights of its own, or those of the train split, newly turned, as "
-        "the paper tests (default: unseen)",
+        "the paper tests, beside a train split of --light-law maps (default: unseen)",
     )
     # What is built in.
     out.add_argument(
@@ -252,13 +252,13 @@ def _check(options: argparse.Namespace) -> None:
         )
     # Of mixed lights, rooms are a part beside files.
     shapes, maps = options.shapes, options.environments and _laws(options)[0] != _LIGHT_LAWS[0]
-    for option, beside, is_void in (
-        ("--shape-count", "--shapes", shapes and options.shape_count),
-        ("--endless 1", "--shapes", shapes and options.endless == 1),
-        ("--light-count", "--environments", maps and options.light_count),
+    for option, beside, does, is_void in (
+        ("--shape-count", "--shapes", "changes nothing", shapes and options.shape_count),
+        ("--endless 1", "--shapes", "shows no file", shapes and options.endless == 1),
+        ("--light-count", "--environments", "changes nothing", maps and options.light_count),
     ):
         if is_void:
-            raise ValueError(f"{option} leaves out files of {beside}: pass one of both")
+            raise ValueError(f"{option} {does} beside {beside}: pass one of the two")
 
 
 def _laws(options: argparse.Namespace) -> tuple[str, float]:

@@ -105,7 +105,9 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
         count = len(faces)
         vertices, faces, normals, turned = smoothed(vertices, faces)
         if len(faces) < count:
-            notes.append(f"{count - len(faces)} of {count} faces dropped: doubled")
+            notes.append(
+                f"{count - len(faces)} of {count} faces dropped: another has the same corners"
+            )
     if 0 < turned < len(faces):
         notes.append(f"{turned} of {len(faces)} faces turned to the side of the others")
     return normalised(vertices, faces, normals), tuple(notes)

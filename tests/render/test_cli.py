@@ -83,9 +83,12 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
         (("--lights", "known"), "--lights known is of a test split: pass --split test"),
         (("--split", "test", "--light-law", "mixed"), "--split test has single maps and shapes as"),
         (("--split", "test", "--endless", 0.1), "leave out --light-law and --endless"),
-        (("--shape-count", 5, "--shapes", "m"), "--shape-count leaves out files of --shapes: pass"),
-        (("--endless", 1, "--shapes", "m"), "--endless 1 leaves out files of --shapes"),
-        (("--light-count", 5, "--environments", "m", "--split", "test"), "of --environments"),
+        (
+            ("--shape-count", 5, "--shapes", "m"),
+            "--shape-count changes nothing beside --shapes: pass",
+        ),
+        (("--endless", 1, "--shapes", "m"), "--endless 1 shows no file beside --shapes"),
+        (("--light-count", 5, "--environments", "m", "--split", "test"), "beside --environments"),
         (("--materials", "natural", "--lobe", "printed"), "leave out --lobe printed"),
     ],
 )

@@ -112,6 +112,24 @@ def test_a_run_leaves_a_model_and_its_curves(finished):
     assert float(rows[-1]["measure_log_exponent_mae"]) > 0
 
 
+def test_an_evaluation_goes_with_its_system(corpus, config, finished, tmp_path):
+    run = _begun(finished, tmp_path / "run", config, before=8)
+    (run / "evaluation.json").write_text("{}", encoding="utf-8")
+    trainer.train([corpus], run, config, ignore)
+    assert json.loads((run / "evaluation.json").read_text(encoding="utf-8"))["examples"]
+
+
+def test_a_run_that_cannot_learn_is_refused(corpus, config, tmp_path):
+    frozen = dataclasses.replace(config, frozen=subnetwork_names(config.architecture))
+    with pytest.raises(ValueError, match="--freeze leaves no stage to train"):
+        trainer.train([corpus], tmp_path / "run", frozen, ignore)
+    linear = dataclasses.replace(config.architecture, linear=True)
+    half = dataclasses.replace(config, architecture=linear, precision="float16")
+    with pytest.raises(ValueError, match="float16 holds no linear radiance"):
+        trainer.train([corpus], tmp_path / "run", half, ignore)
+    assert not (tmp_path / "run").exists()
+
+
 @pytest.mark.slow
 def test_measures_are_pooled_over_the_validation_set(corpus, config, tmp_path):
     """Not averaged by batch: the last one here is smaller."""

@@ -14,7 +14,10 @@ from lime_keras.model.folder import shipped
 
 NAMES = ("best", "live", "live_adam", "nano", "uniform", "builtin")
 """The recipes that come with the package, each a module beside this one."""
-_PARTS = ("segmentation", "specular", "mirror", "albedo", "exponent", "material")
+_PARTS = (
+    *("segmentation", "specular", "mirror", "albedo", "exponent"),
+    *("reflectance_map", "material"),
+)
 
 
 @dataclass(frozen=True)
@@ -74,8 +77,8 @@ class Training:
         photos: largest number of photos that it learns from.
         batch_size: number of examples in a batch.
         materials: laws of the albedos.
-        optimizer: `muon` or `adam`. Under `muon`, a stage of MirrorNet alone is trained by Adam,
-            and so are heads, dense layers and pretrained ones.
+        optimizer: `muon` or `adam`. Under `muon`, MirrorNet is trained by Adam, and so are heads,
+            dense layers and pretrained ones.
         start_from: name of the earlier training, or of the set that comes with the package, whose
             weights it begins with; None for fresh ones.
         freeze: subnetworks that keep these weights.
@@ -136,10 +139,12 @@ class Recipe:
         """Raise ValueError if a training names what the recipe does not have."""
         before: list[str] = []
         for name, training in self.trainings.items():
+            stages = (*training.stages, *training.freeze)
+            parts = [part for one in stages for part in one.split("+")]
             for what, named, known in (
                 ("corpus", training.corpora, self.corpora),
                 ("earlier training", filter(None, [training.start_from]), [*before, *shipped()]),
-                ("subnetwork", "+".join([*training.stages, *training.freeze]).split("+"), _PARTS),
+                ("subnetwork", parts, _PARTS),
             ):
                 if unknown := [one for one in named if one not in known]:
                     raise ValueError(

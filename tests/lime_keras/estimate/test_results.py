@@ -237,8 +237,10 @@ def test_a_video_takes_no_files_of_a_photo_that_is_called_like_its_scenes(tmp_pa
     with pytest.raises(KeyboardInterrupt), found.growing("a", made, ends):
         raise KeyboardInterrupt
     write(found, photo, name="a-scene-1", files=("a-scene-1.mtl",))
-    with found.growing("a", made, ends):
-        assert (tmp_path / "out" / "a-scene-1.mtl").is_file()
+    with pytest.raises(ValueError, match=r"a-scene-1.mtl is there, and no part"):
+        with found.growing("a", made, ends):
+            raise AssertionError("never reached")
+    assert (tmp_path / "out" / "a-scene-1.mtl").is_file()
 
 
 def test_an_unfinished_recording_of_a_camera_is_not_replaced_unasked(tmp_path):

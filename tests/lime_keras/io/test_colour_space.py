@@ -8,6 +8,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pillow_heif
 import pytest
+from hdr_curves import hlg, pq
 from icc_profiles import FORMULA, GAMMA, LINEAR, TABLE, TO_BT2020, TO_P3, TO_XYZ_D50, profile
 from PIL import Image
 from written_pictures import write
@@ -67,23 +68,6 @@ def png(path, pixels, **chunks):
 
 def icc(content):
     return {"iCCP": b"p\0\0" + zlib.compress(content)}
-
-
-def pq(linear):
-    """Encode by SMPTE ST 2084, 203 cd/m² for white."""
-    light = (linear * 203 / 10_000) ** 0.1593017578125
-    return ((0.8359375 + 18.8515625 * light) / (1 + 18.6875 * light)) ** 78.84375
-
-
-def hlg(linear):
-    """Encode by hybrid log-gamma for a screen of 1000 cd/m², 203 for white."""
-    display = linear * 0.203
-    luminance = display @ [0.2627, 0.6780, 0.0593]
-    scene = display * luminance[..., None] ** (1 / 1.2 - 1)
-    a, b, c = 0.17883277, 0.28466892, 0.55991073
-    return np.where(
-        scene <= 1 / 12, np.sqrt(3 * scene), a * np.log(np.maximum(12 * scene - b, 1e-9)) + c
-    )
 
 
 CASES = {

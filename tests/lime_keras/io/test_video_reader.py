@@ -10,6 +10,7 @@ import av
 import clips
 import numpy as np
 import pytest
+from hdr_curves import hlg, pq
 from icc_profiles import TO_BT2020, TO_P3
 
 from lime_keras.io import video_reader
@@ -315,12 +316,6 @@ def test_interlaced_frames_and_several_videos_are_remarked(tmp_path):
     assert sum("is interlaced" in remark for remark in remarks) == 1
 
 
-def pq(linear):
-    """Encode by SMPTE ST 2084, 203 cd/m² for white."""
-    light = (linear * 203 / 10_000) ** 0.1593017578125
-    return ((0.8359375 + 18.8515625 * light) / (1 + 18.6875 * light)) ** 78.84375
-
-
 @pytest.mark.parametrize(
     ("numbers", "matrix", "encode"),
     [
@@ -331,6 +326,7 @@ def pq(linear):
         ((1, 4), np.eye(3), lambda linear: linear ** (1 / 2.2)),
         ((1, 8), np.eye(3), lambda linear: linear),
         ((9, 16), TO_BT2020, pq),
+        ((9, 18), TO_BT2020, hlg),
     ],
 )
 def test_primaries_and_curves_beyond_srgb_are_converted(numbers, matrix, encode, tmp_path):
@@ -344,6 +340,6 @@ def test_primaries_and_curves_beyond_srgb_are_converted(numbers, matrix, encode,
         tmp_path / "a.mp4", image.astype(np.uint8), codec="libx264", tags=tags, **colours
     )
     found, _, remarks = read(path)
-    step = 0.04 if encode is pq else 0.02  # of 8 bits
+    step = 0.04 if encode in (pq, hlg) else 0.02  # of 8 bits
     np.testing.assert_allclose(found[0, 32, 32] / 255, encoded(linear), atol=step)
     assert remarks == []

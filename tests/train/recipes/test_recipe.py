@@ -152,6 +152,7 @@ def test_a_users_file_is_a_recipe(tmp_path):
     [
         ({"corpora": ("meshes", "none")}, "names the corpus none, and the recipe has meshes"),
         ({"start_from": "material"}, "names the earlier training material, and the recipe has"),
+        ({"stages": ("speculr+mirror",)}, "names the subnetwork speculr, and the recipe has segm"),
     ],
 )
 def test_what_a_training_names_must_be_there(change, words):
